@@ -1,0 +1,1 @@
+"""Demo scenes, built in CadQuery."""

@@ -1,0 +1,1 @@
+"""The solver: form factors, visibility, radiosity, sky and sun on curved patches."""

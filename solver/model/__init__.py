@@ -1,0 +1,39 @@
+"""Data types shared by all packages; NumPy only."""
+
+from .cad import Certificate, Face, Model, Part
+from .elements import Elements
+from .optics import Air, Emitter, Material
+from .patches import PatchSet
+from .result import Balance, CameraImage, Result, SensorResult, SurfaceResult
+from .scene import BLACK, Luminaire, SceneData, SceneFace, ScenePart, Source
+from .sky import CIESky, Ground, Site, Sun
+from .views import Camera, Sensors
+
+__all__ = [
+    "BLACK",
+    "Air",
+    "Balance",
+    "CIESky",
+    "Camera",
+    "CameraImage",
+    "Certificate",
+    "Elements",
+    "Emitter",
+    "Face",
+    "Ground",
+    "Luminaire",
+    "Material",
+    "Model",
+    "Part",
+    "PatchSet",
+    "Result",
+    "SceneData",
+    "SceneFace",
+    "ScenePart",
+    "SensorResult",
+    "Sensors",
+    "Site",
+    "Source",
+    "Sun",
+    "SurfaceResult",
+]

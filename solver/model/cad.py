@@ -1,0 +1,193 @@
+"""An imported CAD model: parts, faces, exact patches, and the certificate of the conversion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .arrays import FloatArray, frozen
+from .patches import PatchSet
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A solid, an open shell or a loose face of the model.
+
+    Attributes
+    ----------
+    path : str
+        Below the file's root, segments joined by ``/``; repeated siblings end in ``:1 :2``.
+    kind : {"solid", "sheet"}
+        Solids are active outside only; sheets (open shells, loose faces) on both sides.
+    color : (r, g, b), optional
+        Linear sRGB of the CAD file, for pictures.
+    placement : (4, 4) array
+        From part coordinates to the model. [m]
+    instance_of : int
+        Row of the first part with the same geometry (its own row when it is the first).
+    """
+
+    path: str
+    kind: str
+    color: tuple[float, float, float] | None = None
+    layer: str | None = None
+    material: str | None = None
+    placement: FloatArray = field(default_factory=lambda: np.eye(4))
+    instance_of: int = -1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "placement", frozen(self.placement))
+
+    @property
+    def name(self) -> str:
+        """Last segment of the path."""
+        return self.path.rsplit("/", 1)[-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A B-rep face, one row of the certificate.
+
+    Attributes
+    ----------
+    part : int
+        Row of the part.
+    number : int
+        Counts from 1 within the part, as ``inspect`` prints it.
+    kind : str
+        plane, cylinder, cone, sphere, torus, bspline, bezier, revolution, extrusion, offset, other.
+    exact : bool
+        Whether the patches represent the trimmed face exactly (to rounding).
+    patches : int
+        Number of patches; 0 when the face failed.
+    deviation_m, angle_deg : float
+        Largest distance [m] and normal deviation [deg] measured at check points.
+    area_m2, area_error : float
+        Area of the patches [m²] and its relative difference to an independent integral
+        (NaN when not checked).
+    gap_m : float
+        Largest distance between the patch boundaries and the 3-D edge curves. [m]
+    reason : str
+        Why the face failed or is approximated; empty otherwise.
+    """
+
+    part: int
+    number: int
+    kind: str
+    exact: bool
+    patches: int
+    deviation_m: float
+    angle_deg: float
+    area_m2: float
+    area_error: float = float("nan")
+    gap_m: float = 0.0
+    reason: str = ""
+    name: str | None = None
+    color: tuple[float, float, float] | None = None
+
+    @property
+    def failed(self) -> bool:
+        """Whether no patch represents the face."""
+        return self.patches == 0
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What the conversion did to each face, and how long it took."""
+
+    faces: tuple[Face, ...]
+    part_paths: tuple[str, ...]
+    seconds: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def faces_total(self) -> int:
+        """Number of B-rep faces in the file."""
+        return len(self.faces)
+
+    @property
+    def faces_exact(self) -> int:
+        """Faces represented exactly."""
+        return sum(f.exact and not f.failed for f in self.faces)
+
+    @property
+    def faces_approximated(self) -> int:
+        """Faces represented within the tolerance."""
+        return sum(not f.exact and not f.failed for f in self.faces)
+
+    @property
+    def failures(self) -> tuple[Face, ...]:
+        """Faces without any patch."""
+        return tuple(f for f in self.faces if f.failed)
+
+    @property
+    def faces_failed(self) -> int:
+        """Number of faces without any patch."""
+        return len(self.failures)
+
+    @property
+    def patches(self) -> int:
+        """Number of patches of all faces."""
+        return sum(f.patches for f in self.faces)
+
+    def _largest(self, name: str) -> float:
+        values = [getattr(f, name) for f in self.faces if not f.failed]
+        values = [abs(v) for v in values if np.isfinite(v)]
+        return max(values, default=0.0)
+
+    @property
+    def max_deviation_m(self) -> float:
+        """Largest distance of a patch from its CAD surface. [m]"""
+        return self._largest("deviation_m")
+
+    @property
+    def max_angle_deg(self) -> float:
+        """Largest deviation of a patch normal. [deg]"""
+        return self._largest("angle_deg")
+
+    @property
+    def max_area_error(self) -> float:
+        """Largest relative area error of a face."""
+        return self._largest("area_error")
+
+    @property
+    def max_gap_m(self) -> float:
+        """Largest gap at a shared edge. [m]"""
+        return self._largest("gap_m")
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A CAD model as patches in metres, in the axes of its file.
+
+    Attributes
+    ----------
+    name : str
+        Name in the scene.
+    parts : tuple of Part
+        Solids and sheets.
+    faces : tuple of Face
+        All B-rep faces; ``patches.face_index`` points here.
+    patches : PatchSet
+        ``part_index`` and ``face_index`` are rows of ``parts`` and ``faces``. +normals of solids
+        point out of the material.
+    certificate : Certificate
+        What the conversion did.
+    source, sha256 : str
+        File (or "cadquery") and content hash.
+    unit : str
+        Length unit found or given.
+    warnings : tuple of str
+        What a user should know, one line each.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    faces: tuple[Face, ...]
+    patches: PatchSet
+    certificate: Certificate
+    source: str = "memory"
+    sha256: str = ""
+    unit: str = "mm"
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,116 @@
+"""What surfaces do with light: reflect it (`Material`), emit it (`Emitter`), or are air (`Air`)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .arrays import FloatArray, check_finite
+
+Reflectance = float | tuple[float, float, float]
+
+#: Luminance of linear sRGB primaries (IEC 61966-2-1), the weights of the three colour bands.
+LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
+
+
+def _reflectance(name: str, value: object) -> Reflectance:
+    """A scalar or a linear RGB triple in [0, 1]."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape not in ((), (3,)):
+        raise InputError(f"{name} = {value}: expected a number or a linear (r, g, b) triple")
+    check_finite(name, array)
+    if (array < 0.0).any() or (array > 1.0).any():
+        raise InputError(f"{name} = {value}: must lie between 0 and 1")
+    if array.shape == ():
+        return float(array)
+    return (float(array[0]), float(array[1]), float(array[2]))
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """Opaque surface with Lambertian reflection.
+
+    Attributes
+    ----------
+    reflectance : float or (r, g, b)
+        Diffuse reflectance, grey or per linear sRGB primary, 0 … 1.
+    back : Material, optional
+        Material of the other side of a sheet; the same when not given.
+    name : str
+        Shown in reports.
+    """
+
+    reflectance: Reflectance = 0.5
+    back: Material | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "reflectance", _reflectance("Material.reflectance", self.reflectance)
+        )
+
+    @property
+    def bands(self) -> FloatArray:
+        """Reflectance in the three colour bands, shape (3,)."""
+        return np.broadcast_to(np.asarray(self.reflectance, dtype=np.float64), (3,))
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether all bands reflect alike."""
+        return bool(np.ptp(self.bands) == 0.0)
+
+    @property
+    def luminous_reflectance(self) -> float:
+        """Reflectance weighted by the luminance of the primaries."""
+        return float(self.bands @ np.array(LUMINANCE_WEIGHTS))
+
+
+@dataclass(frozen=True, slots=True)
+class Emitter:
+    """Lambertian light leaving a surface, uniform over it.
+
+    Attributes
+    ----------
+    flux_lm : float, optional
+        Total flux leaving each matched part. [lm]
+    luminance_cd_m2 : float, optional
+        Luminance instead of a flux. [cd/m²]
+    cct_k : float
+        Correlated colour temperature on the daylight or Planckian locus. [K]
+    side : {"both", "front", "back"}
+        Emitting side of a sheet; solids emit on their outside.
+    group : str, optional
+        Light group of the result; the part's name when not given.
+    power_w : float, optional
+        Electric power, for the report. [W]
+    dim : float
+        Factor on the flux.
+    """
+
+    flux_lm: float | None = None
+    luminance_cd_m2: float | None = None
+    cct_k: float = 4000.0
+    side: str = "both"
+    group: str | None = None
+    power_w: float | None = None
+    dim: float = 1.0
+
+    def __post_init__(self) -> None:
+        if (self.flux_lm is None) == (self.luminance_cd_m2 is None):
+            raise InputError("Emitter: give exactly one of flux_lm and luminance_cd_m2")
+        for name in ("flux_lm", "luminance_cd_m2", "power_w", "dim"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"Emitter.{name} = {value}: must be a number >= 0")
+        if not 1000.0 <= self.cct_k <= 25000.0:
+            raise InputError(f"Emitter.cct_k = {self.cct_k}: must lie between 1000 and 25000")
+        if self.side not in ("both", "front", "back"):
+            raise InputError(f"Emitter.side = {self.side!r}: both, front or back")
+
+
+@dataclass(frozen=True, slots=True)
+class Air:
+    """The part is the volume of the room itself: its faces are active inside."""

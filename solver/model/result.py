@@ -1,0 +1,290 @@
+"""What a simulation returns."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from .arrays import FloatArray, IntArray
+from .elements import Elements
+from .optics import LUMINANCE_WEIGHTS
+from .scene import SceneData
+from .views import Camera
+
+
+def luminous(values: FloatArray) -> FloatArray:
+    """Photometric value of band values (..., b), b = 1 (grey) or 3 (linear sRGB primaries)."""
+    if values.shape[-1] == 1:
+        return values[..., 0]
+    return np.asarray(values @ np.array(LUMINANCE_WEIGHTS))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorResult:
+    """Illuminance on one grid; row i of every array is the same sensor.
+
+    Attributes
+    ----------
+    points, normals : (n, 3) array
+        Positions [m] and unit normals.
+    area_m2 : (n,) array
+        Weights of averages. [m²]
+    illuminance_lx, error_lx : (n,) array
+        Illuminance and the half-width of its numerical error. [lx]
+    components : dict of (n,) arrays
+        ``"<group>.direct"`` and ``"<group>.indirect"``, summing to ``illuminance_lx``. [lx]
+    daylight_factor : (n,) array or None
+        Share of the unobstructed horizontal sky illuminance, under type 1 or 16 only. [1]
+    outline : tuple of (k, 3) arrays
+        Outlines of the measured area. [m]
+    """
+
+    name: str
+    points: FloatArray
+    normals: FloatArray
+    area_m2: FloatArray
+    illuminance_lx: FloatArray
+    error_lx: FloatArray
+    components: Mapping[str, FloatArray]
+    daylight_factor: FloatArray | None = None
+    outline: tuple[FloatArray, ...] = ()
+
+    def mean(self, values: FloatArray) -> float:
+        """Area-weighted mean of ``values`` (n,)."""
+        return float(np.average(values, weights=self.area_m2))
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """E_avg_lx, E_min_lx, E_max_lx, U0 and, under an overcast sky, DF_avg, DF_median [%]."""
+        e = self.illuminance_lx
+        mean = self.mean(e)
+        values = {
+            "E_avg_lx": mean,
+            "E_min_lx": float(e.min()),
+            "E_max_lx": float(e.max()),
+            "U0": float(e.min() / mean) if mean > 0.0 else 0.0,
+        }
+        if self.daylight_factor is not None:
+            values["DF_avg_percent"] = 100.0 * self.mean(self.daylight_factor)
+            values["DF_median_percent"] = 100.0 * weighted_median(
+                self.daylight_factor, self.area_m2
+            )
+        return values
+
+    @property
+    def metric_errors(self) -> dict[str, float]:
+        """Half-width of the numerical error of each of `metrics`, in its unit."""
+        e, error, mean = self.illuminance_lx, self.error_lx, self.mean(self.illuminance_lx)
+        mean_error = self.mean(error)
+        values = {
+            "E_avg_lx": mean_error,
+            "E_min_lx": float(error[np.argmin(e)]),
+            "E_max_lx": float(error[np.argmax(e)]),
+        }
+        relative = (values["E_min_lx"] + mean_error) / mean if mean > 0.0 else 0.0
+        values["U0"] = float(relative)
+        if self.daylight_factor is not None:
+            share = self.mean(self.daylight_factor) * (mean_error / mean if mean > 0.0 else 0.0)
+            values["DF_avg_percent"] = values["DF_median_percent"] = 100.0 * share
+        return values
+
+
+def weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    """Smallest value at which half of the weight is reached."""
+    order = np.argsort(values)
+    cumulative = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurfaceResult:
+    """Elements of the parts that match a pattern; row i of every array is the same element."""
+
+    element_index: IntArray
+    area_m2: FloatArray
+    illuminance_lx: FloatArray
+    direct_lx: FloatArray
+    indirect_lx: FloatArray
+    exitance_lm_m2: FloatArray
+    error_lx: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraImage:
+    """A rendered view.
+
+    Attributes
+    ----------
+    rgb : (h, w, 3) array
+        Linear sRGB scaled so that 0.2126 R + 0.7152 G + 0.0722 B is the luminance. [cd/m²]
+    illuminance_lx, depth_m : (h, w) array
+        Of the surface seen; NaN where a ray leaves the scene.
+    normals : (h, w, 3) array
+        Unit normals towards the viewer; NaN where a ray leaves the scene.
+    part_index : (h, w) int array
+        Row of the part seen; −1 for the sky and the ground.
+    """
+
+    camera: Camera
+    rgb: FloatArray
+    illuminance_lx: FloatArray
+    depth_m: FloatArray
+    normals: FloatArray
+    part_index: IntArray
+
+    @property
+    def luminance_cd_m2(self) -> FloatArray:
+        """Luminance (h, w). [cd/m²]"""
+        return luminous(self.rgb)
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """Flux ledger. [lm]
+
+    ``emitted + entered = absorbed + escaped + residual``: luminaires emit, sky, sun and ground
+    enter through the surfaces they first strike, materials absorb, the rest leaves the scene.
+    """
+
+    emitted_lm: float
+    entered_lm: float
+    absorbed_lm: float
+    escaped_lm: float
+    absorbed_by_material: Mapping[str, float] = field(default_factory=dict)
+    emitted_by_group: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def residual_lm(self) -> float:
+        """What the ledger does not account for. [lm]"""
+        return self.emitted_lm + self.entered_lm - self.absorbed_lm - self.escaped_lm
+
+    @property
+    def residual_fraction(self) -> float:
+        """Residual relative to all light."""
+        total = self.emitted_lm + self.entered_lm
+        return self.residual_lm / total if total > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """A solved scene.
+
+    Attributes
+    ----------
+    scene : SceneData
+        What was solved.
+    elements : Elements
+        n curved elements.
+    components : dict of (n, b) arrays
+        Irradiance of the elements by ``"<group>.direct"`` and ``"<group>.indirect"`` and band.
+        [lx, or its band share]
+    exitance : (n, b) array
+        Emitted and reflected exitance. [lm/m²]
+    element_error_lx : (n,) array
+        Half-width of the numerical error of the elements' illuminance. [lx]
+    sensors : dict of SensorResult
+        By grid name.
+    images : dict of CameraImage
+        By camera name.
+    balance : Balance
+        Flux ledger.
+    row_sums : (n,) array
+        Sum of each element's form factors to all others, raw.
+    stages : dict
+        Seconds spent, by stage that was run.
+    skipped : dict
+        Reason, by stage that was not run.
+    counters : dict
+        Work done and work avoided.
+    settings : dict
+        All settings that influence the numbers.
+    warnings : tuple of str
+        Named warnings, one line each.
+    """
+
+    scene: SceneData
+    elements: Elements
+    components: Mapping[str, FloatArray]
+    exitance: FloatArray
+    element_error_lx: FloatArray
+    sensors: Mapping[str, SensorResult]
+    images: Mapping[str, CameraImage]
+    balance: Balance
+    row_sums: FloatArray
+    stages: Mapping[str, float]
+    skipped: Mapping[str, str]
+    counters: Mapping[str, int]
+    settings: Mapping[str, Any]
+    warnings: tuple[str, ...] = ()
+    converged: bool = True
+
+    @property
+    def illuminance_lx(self) -> FloatArray:
+        """Illuminance of the elements (n,). [lx]"""
+        return self._sum(("direct", "indirect"))
+
+    def _sum(self, kinds: tuple[str, ...]) -> FloatArray:
+        total = np.zeros(len(self.elements))
+        for name, values in self.components.items():
+            if name.rsplit(".", 1)[1] in kinds:
+                total += luminous(values)
+        return total
+
+    @property
+    def surfaces(self) -> SurfaceSelector:
+        """Elements by part pattern: ``result.surfaces["*/wall*"]``."""
+        return SurfaceSelector(self)
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceSelector:
+    """Indexing with a part pattern; see `Result.surfaces`."""
+
+    result: Result
+
+    def __getitem__(self, pattern: str) -> SurfaceResult:
+        result = self.result
+        scene = result.scene
+        paths = [part.path for part in scene.parts]
+        hits = [i for i, path in enumerate(paths) if matches(pattern, path)]
+        if not hits:
+            from difflib import get_close_matches
+
+            near = get_close_matches(pattern, paths, n=3, cutoff=0.0)
+            raise InputError(f"surfaces[{pattern!r}]: no part matches; nearest: {', '.join(near)}")
+        part_of = scene.patches.part_index[result.elements.patch_index]
+        rows = np.flatnonzero(np.isin(part_of, hits))
+        return SurfaceResult(
+            element_index=rows,
+            area_m2=result.elements.areas[rows],
+            illuminance_lx=result.illuminance_lx[rows],
+            direct_lx=result._sum(("direct",))[rows],
+            indirect_lx=result._sum(("indirect",))[rows],
+            exitance_lm_m2=luminous(result.exitance)[rows],
+            error_lx=result.element_error_lx[rows],
+        )
+
+
+def matches(pattern: str, path: str) -> bool:
+    """Whether a part path matches: ``*`` stays in a segment, ``**`` crosses segments.
+
+    A pattern without ``/`` is compared with the last segment.
+    """
+    if "/" not in pattern and pattern != "**":
+        return fnmatch.fnmatchcase(path.rsplit("/", 1)[-1], pattern)
+    return _segments_match(pattern.split("/"), path.split("/"))
+
+
+def _segments_match(pattern: list[str], path: list[str]) -> bool:
+    if not pattern:
+        return not path
+    if pattern[0] == "**":
+        return any(_segments_match(pattern[1:], path[k:]) for k in range(len(path) + 1))
+    if not path or not fnmatch.fnmatchcase(path[0], pattern[0]):
+        return False
+    return _segments_match(pattern[1:], path[1:])

@@ -1,0 +1,175 @@
+"""A frozen scene: everything the solver needs, in world axes and SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .arrays import FloatArray, IntArray, check_shape, frozen
+from .cad import Certificate
+from .optics import Material
+from .patches import PatchSet
+from .sky import CIESky, Ground, Site, Sun
+from .views import Camera, Sensors
+
+#: Row of `SceneData.materials` that reflects nothing.
+BLACK = -1
+
+
+@dataclass(frozen=True, slots=True)
+class ScenePart:
+    """A part of a model in the scene.
+
+    Attributes
+    ----------
+    path : str
+        Model name and part path joined by ``/``.
+    model : str
+        Name of the model the part came from.
+    kind : {"solid", "air", "sheet", "patches"}
+        Solids are active outside, air solids inside, sheets on both sides, patches on their
+        +side.
+    """
+
+    path: str
+    model: str
+    kind: str
+    color: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFace:
+    """A face of a part, so that a number of the result leads back to the CAD file."""
+
+    part: int
+    number: int
+    kind: str
+    name: str | None = None
+    color: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Luminaire:
+    """One emitting part: its flux is spread evenly over its emitting sides.
+
+    Attributes
+    ----------
+    part : str
+        Path of the part.
+    group : str
+        Light group; results are kept apart by group.
+    flux_lm, area_m2 : float
+        Flux leaving the part [lm] and the area it leaves from [m²].
+    color : (3,) array
+        Linear sRGB of the light, scaled to luminance 1.
+    cct_k : float
+        Correlated colour temperature. [K]
+    power_w : float, optional
+        Electric power. [W]
+    """
+
+    part: str
+    group: str
+    flux_lm: float
+    area_m2: float
+    color: FloatArray
+    cct_k: float
+    power_w: float | None = None
+
+    @property
+    def exitance_lm_m2(self) -> float:
+        """Luminous exitance of the emitting sides. [lm/m²]"""
+        return self.flux_lm / self.area_m2
+
+    @property
+    def luminance_cd_m2(self) -> float:
+        """Luminance of the emitting sides. [cd/m²]"""
+        return self.exitance_lm_m2 / np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A model of the scene and where it came from."""
+
+    name: str
+    file: str
+    sha256: str
+    unit: str
+    scale: float
+    certificate: Certificate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneData:
+    """The scene the solver works on; row p of every ``patch`` array is the same patch.
+
+    Attributes
+    ----------
+    patches : PatchSet
+        World coordinates [m]; +normal towards the active side. ``part_index`` and ``face_index``
+        are rows of ``parts`` and ``faces``.
+    two_sided : (p,) bool array
+        Both sides receive and reflect (sheets).
+    closed : (p,) bool array
+        The patch bounds a closed, consistently oriented solid.
+    material_index : (p, 2) int array
+        Rows of ``materials`` for the + and − side; `BLACK` reflects nothing.
+    luminaire_index : (p, 2) int array
+        Rows of ``luminaires`` for the + and − side; −1 where nothing is emitted.
+    default_faces : (f,) bool array
+        Faces that got the default material because nothing was assigned.
+    """
+
+    patches: PatchSet
+    two_sided: IntArray
+    closed: IntArray
+    material_index: IntArray
+    luminaire_index: IntArray
+    parts: tuple[ScenePart, ...]
+    faces: tuple[SceneFace, ...]
+    materials: tuple[Material, ...]
+    luminaires: tuple[Luminaire, ...] = ()
+    sky: CIESky | None = None
+    sun: Sun | None = None
+    ground: Ground | None = None
+    site: Site | None = None
+    north_deg: float = 0.0
+    maintenance_factor: float = 1.0
+    sensors: tuple[Sensors, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    sources: tuple[Source, ...] = ()
+    default_faces: IntArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    title: str = "scene"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.patches)
+        for name, dtype, shape in (
+            ("two_sided", np.bool_, (n,)),
+            ("closed", np.bool_, (n,)),
+            ("material_index", np.int64, (n, 2)),
+            ("luminaire_index", np.int64, (n, 2)),
+            ("default_faces", np.bool_, (None,)),
+        ):
+            array = frozen(getattr(self, name), dtype)
+            check_shape(f"SceneData.{name}", array, shape)
+            object.__setattr__(self, name, array)
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether one band is enough: every used material reflects all bands alike."""
+        used = {int(i) for i in np.unique(self.material_index) if i >= 0}
+        return all(self.materials[i].is_grey for i in used)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Light groups in order of appearance: luminaire groups, then sky, sun and ground."""
+        names = list(dict.fromkeys(lamp.group for lamp in self.luminaires))
+        if self.sky is not None:
+            names.append("sky")
+        if self.sun is not None:
+            names.append("sun")
+        if self.ground is not None and self.ground.reflectance and (self.sky or self.sun):
+            names.append("ground")
+        return tuple(names)
