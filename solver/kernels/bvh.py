@@ -19,15 +19,7 @@ import math
 import numba as nb
 import numpy as np
 
-from .ray_patch import (
-    FLAT_QUAD,
-    MISS,
-    WORK,
-    hit_general,
-    hit_quad,
-    quad_parameters,
-    setup_ray,
-)
+from .ray_patch import FLAT_QUAD, MISS, WORK, hit_general, hit_quad, quad_parameters, setup_ray
 
 _BINS = 16
 _LEAF = 2
