@@ -1,1 +1,101 @@
-"""Patchlight pipeline."""
+"""Scenes, simulation, batches and the command line.
+
+Importing this package loads nothing heavy; each name is looked up when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from patchlight.importers import from_cadquery, read_step
+    from patchlight.reports import write_report
+    from patchlight.solver.model import (
+        Air,
+        Camera,
+        CIESky,
+        Emitter,
+        Ground,
+        Material,
+        Model,
+        PatchSet,
+        Result,
+        SceneData,
+        Sensors,
+        Site,
+        Sun,
+    )
+
+    from .batches import BatchItem, batch
+    from .grids import SensorGrid
+    from .scene import Scene
+    from .scene_file import load_scene
+    from .simulation import simulate
+
+#: Module of every public name.
+_HOME = {
+    "Scene": ".scene",
+    "SensorGrid": ".grids",
+    "simulate": ".simulation",
+    "load_scene": ".scene_file",
+    "batch": ".batches",
+    "BatchItem": ".batches",
+    "read_step": "patchlight.importers",
+    "from_cadquery": "patchlight.importers",
+    "write_report": "patchlight.reports",
+} | dict.fromkeys(
+    (
+        "Air",
+        "CIESky",
+        "Camera",
+        "Emitter",
+        "Ground",
+        "Material",
+        "Model",
+        "PatchSet",
+        "Result",
+        "SceneData",
+        "Sensors",
+        "Site",
+        "Sun",
+    ),
+    "patchlight.solver.model",
+)
+
+__all__ = [
+    "Air",
+    "BatchItem",
+    "CIESky",
+    "Camera",
+    "Emitter",
+    "Ground",
+    "Material",
+    "Model",
+    "PatchSet",
+    "Result",
+    "Scene",
+    "SceneData",
+    "SensorGrid",
+    "Sensors",
+    "Site",
+    "Sun",
+    "batch",
+    "from_cadquery",
+    "load_scene",
+    "read_step",
+    "simulate",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME[name], __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

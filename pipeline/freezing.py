@@ -1,0 +1,207 @@
+"""From the mutable scene to the arrays that the solver works on."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from patchlight.solver.errors import GeometryError, InputError
+from patchlight.solver.model import (
+    BLACK,
+    Camera,
+    CIESky,
+    Ground,
+    PatchSet,
+    SceneData,
+    SceneFace,
+    ScenePart,
+    Source,
+    Sun,
+)
+from patchlight.solver.model.sky import direction
+
+from .assigning import full_path
+from .frames import transformed_normals, transformed_points
+from .slots import Slots, filled_slots
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+#: Largest angle between the sun of the sky and the sun itself. [deg]
+SUN_TOLERANCE_DEG = 0.5
+
+
+def frozen_scene(scene: Scene) -> SceneData:
+    """World coordinates, materials, luminaires and resolved sensors of ``scene``."""
+    if not scene.entries:
+        raise InputError("the scene is empty: add a model or patches")
+    slots = filled_slots(scene)
+    parts, faces = _part_table(scene, slots)
+    patches = _patches(scene, slots)
+    kinds = np.array([p.kind for p in parts])[patches.part_index]
+    two_sided = kinds == "sheet"
+    material_index = slots.material[patches.face_index]
+    material_index[~two_sided, 1] = BLACK
+    luminaire_index = slots.luminaire[patches.face_index]
+    luminaire_index[~two_sided, 1] = -1
+    data = SceneData(
+        patches=patches,
+        two_sided=two_sided,
+        closed=(kinds == "solid") | (kinds == "air"),
+        material_index=material_index,
+        luminaire_index=luminaire_index,
+        parts=parts,
+        faces=faces,
+        materials=slots.materials,
+        sky=scene.sky,
+        sun=scene.sun,
+        ground=_ground(scene),
+        site=scene.site,
+        north_deg=scene.north_deg,
+        maintenance_factor=scene.maintenance_factor,
+        cameras=tuple(_turned_camera(scene, c) for c in scene.cameras.values()),
+        sources=_sources(scene),
+        default_faces=slots.default_faces,
+        title=scene.title or next(iter(scene.entries)),
+    )
+    _check_sun(scene.sky, scene.sun)
+    data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data))
+    from .grids import resolved_sensors
+    from .remarks import scene_notes
+
+    sensors, grid_notes = resolved_sensors(scene, data)
+    data = dataclasses.replace(data, sensors=sensors)
+    return dataclasses.replace(data, notes=(*scene.notes, *grid_notes, *scene_notes(scene, data)))
+
+
+def _part_table(scene: Scene, slots: Slots) -> tuple[tuple[ScenePart, ...], tuple[SceneFace, ...]]:
+    parts: list[ScenePart] = []
+    faces: list[SceneFace] = []
+    for entry in scene.entries.values():
+        offset = len(parts)
+        for k, part in enumerate(entry.model.parts):
+            kind = part.kind if entry.kind == "cad" else entry.kind
+            if slots.air[offset + k]:
+                kind = "air"
+            parts.append(ScenePart(full_path(entry, part), entry.name, kind, part.color))
+        faces.extend(
+            SceneFace(offset + f.part, f.number, f.kind, f.name, f.color) for f in entry.model.faces
+        )
+    paths = [p.path for p in parts]
+    if len(set(paths)) < len(paths):
+        twice = next(p for p in paths if paths.count(p) > 1)
+        raise InputError(f"part path {twice!r} occurs twice; give the models different names")
+    return tuple(parts), tuple(faces)
+
+
+def _patches(scene: Scene, slots: Slots) -> PatchSet:
+    """All patches in world axes, rows of parts and faces counted through the scene."""
+    sets: list[PatchSet] = []
+    part_offset = face_offset = 0
+    for entry in scene.entries.values():
+        placed = entry.placed.patches.moved(scene.north)
+        sets.append(
+            PatchSet(
+                placed.control_points,
+                placed.face_index + face_offset,
+                placed.part_index + part_offset,
+                _offset_edges(placed.edge_index, sets),
+            )
+        )
+        part_offset += len(entry.model.parts)
+        face_offset += len(entry.model.faces)
+    patches = PatchSet.concatenated(*sets)
+    if len(patches) == 0:
+        raise GeometryError("the scene has no faces that could carry light")
+    # The room's own volume: light lives inside, so +normals turn inwards.
+    air = slots.air[patches.part_index]
+    if air.any():
+        turned = patches.flipped()
+        patches = PatchSet(
+            np.where(air[:, None, None, None], turned.control_points, patches.control_points),
+            patches.face_index,
+            patches.part_index,
+            np.where(air[:, None], turned.edge_index, patches.edge_index),
+        )
+    return patches
+
+
+def _offset_edges(edges: np.ndarray, before: list[PatchSet]) -> np.ndarray:
+    """Edge numbers that no earlier model uses; -1 stays."""
+    start = max((int(s.edge_index.max(initial=-1)) for s in before), default=-1) + 1
+    return np.where(edges >= 0, edges + start, -1)
+
+
+def _luminaires(scene: Scene, slots: Slots, data: SceneData) -> tuple:
+    """Luminaires with the area and flux of each emitting part."""
+    if not slots.lamps:
+        return ()
+    from patchlight.solver.model import Luminaire
+    from patchlight.solver.spectra import cct_to_rgb
+
+    rows = np.flatnonzero((data.luminaire_index >= 0).any(axis=1))
+    area = np.zeros(len(slots.lamps))
+    patch_areas = data.patches.take(rows).areas()
+    for side in (0, 1):
+        lamp = data.luminaire_index[rows, side]
+        np.add.at(area, lamp[lamp >= 0], patch_areas[lamp >= 0])
+    luminaires = []
+    for k, (part_row, emitter) in enumerate(slots.lamps):
+        path = data.parts[part_row].path
+        group = emitter.group or path.rsplit("/", 1)[-1]
+        if group in ("sky", "sun", "ground"):
+            raise InputError(f"light group {group!r} of {path}: the name is taken; set group")
+        if not area[k] > 0.0:
+            raise GeometryError(f"{path}: the emitting faces have no area")
+        flux = emitter.flux_lm
+        if flux is None:
+            flux = math.pi * float(emitter.luminance_cd_m2 or 0.0) * float(area[k])
+        luminaires.append(
+            Luminaire(
+                part=path,
+                group=group,
+                flux_lm=flux * emitter.dim * scene.maintenance_factor,
+                area_m2=float(area[k]),
+                color=np.asarray(cct_to_rgb(emitter.cct_k)),
+                cct_k=emitter.cct_k,
+                power_w=emitter.power_w,
+            )
+        )
+    return tuple(luminaires)
+
+
+def _ground(scene: Scene) -> Ground | None:
+    if scene.ground is not None:
+        return scene.ground
+    return Ground(0.2) if scene.sky is not None or scene.sun is not None else None
+
+
+def _check_sun(sky: CIESky | None, sun: Sun | None) -> None:
+    if sky is None or sun is None or sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None:
+        return
+    a = np.array(direction(sky.sun_altitude_deg, sky.sun_azimuth_deg))
+    b = np.array(direction(sun.altitude_deg, sun.azimuth_deg))
+    angle = math.degrees(math.atan2(np.linalg.norm(np.cross(a, b)), float(a @ b)))
+    if angle > SUN_TOLERANCE_DEG:
+        raise InputError(
+            f"sky and sun: the sun of the sky (altitude {sky.sun_altitude_deg:g}, azimuth "
+            f"{sky.sun_azimuth_deg:g}) and the sun (altitude {sun.altitude_deg:g}, azimuth "
+            f"{sun.azimuth_deg:g}) are {angle:.2f} degrees apart; at most {SUN_TOLERANCE_DEG:g}"
+        )
+
+
+def _turned_camera(scene: Scene, camera: Camera) -> Camera:
+    ends = transformed_points(scene.north, np.array([camera.eye, camera.target], dtype=float))
+    up = transformed_normals(scene.north, np.asarray(camera.up, dtype=float))
+    eye, target, up_axis = (tuple(float(x) for x in v) for v in (*ends, up))
+    return dataclasses.replace(camera, eye=eye, target=target, up=up_axis)
+
+
+def _sources(scene: Scene) -> tuple[Source, ...]:
+    return tuple(
+        Source(e.name, e.model.source, e.model.sha256, e.model.unit, e.scale, e.model.certificate)
+        for e in scene.entries.values()
+        if e.kind == "cad"
+    )

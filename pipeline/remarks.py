@@ -1,0 +1,119 @@
+"""What a user should know about a scene before trusting its numbers, one line each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from patchlight.solver.model import SceneData
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+#: Part names that promise transparency.
+GLASS_NAMES = ("glass", "pane", "glazing")
+#: How many names a line lists.
+MOST_NAMES = 8
+
+
+def scene_notes(scene: Scene, data: SceneData) -> list[str]:
+    """All remarks on the frozen scene ``data``."""
+    notes = [f"{e.name}: {w}" for e in scene.entries.values() for w in e.model.warnings]
+    notes += _default_faces(data)
+    notes += _glass(data)
+    notes += _light(data)
+    notes += _places(data)
+    return notes
+
+
+def listed(names: list[str]) -> str:
+    """``a, b, c and 4 more``."""
+    unique = list(dict.fromkeys(names))
+    more = len(unique) - MOST_NAMES
+    return ", ".join(unique[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _default_faces(data: SceneData) -> list[str]:
+    rows = np.flatnonzero(data.default_faces)
+    if not len(rows):
+        return []
+    names = listed([data.parts[data.faces[r].part].path for r in rows])
+    return [
+        f"{len(rows)} of {len(data.faces)} faces have no material and got the default, "
+        f"grey 0.5: {names}"
+    ]
+
+
+def _glass(data: SceneData) -> list[str]:
+    names = [
+        part.path
+        for part in data.parts
+        if any(word in part.path.rsplit("/", 1)[-1].lower() for word in GLASS_NAMES)
+    ]
+    if not names:
+        return []
+    return [f"named like glass, but opaque here (glass is not computed): {listed(names)}"]
+
+
+def _light(data: SceneData) -> list[str]:
+    notes = []
+    if data.sky is None and data.sun is None and not data.luminaires:
+        notes.append("no light: the scene has no emitter, no sky and no sun")
+    if data.sky is not None and data.sky.relative:
+        notes.append(
+            "the sky has no level of its own: scaled to 10 000 lx diffuse horizontal (relative)"
+        )
+    if data.sun is not None and data.sun.altitude_deg <= 0.0:
+        notes.append(f"the sun is below the horizon (altitude {data.sun.altitude_deg:g} degrees)")
+    if data.maintenance_factor != 1.0 and data.luminaires:
+        notes.append(
+            f"maintenance factor {data.maintenance_factor:g} on electric light, none on daylight"
+        )
+    return notes
+
+
+def _places(data: SceneData) -> list[str]:
+    """Lamps, cameras and sensors that are inside a solid, and sensors below everything."""
+    from patchlight.solver.containment import inside_solids
+
+    notes = []
+    low, high = data.patches.bounds()
+    size = float(np.linalg.norm(high - low))
+    points, owner = _lamp_points(data, 1e-5 * size)
+    if len(points):
+        inside = np.asarray(inside_solids(data, points), dtype=bool)
+        for k, lamp in enumerate(data.luminaires):
+            mine = owner == k
+            if mine.any() and inside[mine].all():
+                notes.append(f"lamp {lamp.part} is inside a solid: its light goes nowhere")
+    if data.cameras:
+        eyes = np.array([c.eye for c in data.cameras], dtype=float)
+        for camera, inside_ in zip(data.cameras, inside_solids(data, eyes), strict=True):
+            if inside_:
+                notes.append(f"camera {camera.name} is inside a solid: its picture is dark")
+    for sensors in data.sensors:
+        count = int(np.sum(inside_solids(data, sensors.points)))
+        if count:
+            notes.append(f"sensors {sensors.name}: {count} of {len(sensors)} are inside a solid")
+        below = int(np.sum(sensors.points[:, 2] < low[2] - 1e-9 * size))
+        if below:
+            notes.append(
+                f"sensors {sensors.name}: {below} of {len(sensors)} are below the whole model, "
+                f"whose lowest point is z = {low[2]:.3g} m"
+            )
+    return notes
+
+
+def _lamp_points(data: SceneData, lift: float) -> tuple[np.ndarray, np.ndarray]:
+    """A point just in front of every emitting patch side, and the luminaire it belongs to."""
+    points, owner = [], []
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        rows = np.flatnonzero(data.luminaire_index[:, side] >= 0)
+        if len(rows):
+            patches = data.patches.take(rows)
+            normal = np.nan_to_num(patches.normals(0.5, 0.5))
+            points.append(patches.evaluate(0.5, 0.5) + sign * lift * normal)
+            owner.append(data.luminaire_index[rows, side])
+    if not points:
+        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    return np.concatenate(points), np.concatenate(owner)

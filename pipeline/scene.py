@@ -1,0 +1,350 @@
+"""The mutable scene that a script or a scene file builds up."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from patchlight.solver.errors import InputError
+from patchlight.solver.model import (
+    Air,
+    Camera,
+    CIESky,
+    Emitter,
+    Ground,
+    Material,
+    Model,
+    PatchSet,
+    SceneData,
+    Sensors,
+    Site,
+    Sun,
+)
+from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.patches import affine
+
+from .assigning import Assignment, matched_faces
+from .frames import north_matrix, up_matrix
+from .grids import SensorGrid
+from .patch_models import model_of_patches
+
+COLORS = ("pictures", "reflectance")
+
+
+@dataclass(slots=True)
+class Entry:
+    """A model placed in the scene.
+
+    Attributes
+    ----------
+    name : str
+        First segment of its part paths.
+    model : Model
+        In the axes of its file.
+    placement : (4, 4) array
+        From the file's axes to the scene. [m]
+    kind : {"cad", "patches", "sheet"}
+        CAD parts say themselves whether they are solids or sheets.
+    given_name : bool
+        Whether the user chose the name; patterns then have to start with it.
+    scale : float
+        Factor already in the model's coordinates, for the record.
+    placed : Model
+        The model in scene coordinates.
+    face_rows : tuple of lists
+        Rows of the model's faces, by part.
+    """
+
+    name: str
+    model: Model
+    placement: FloatArray
+    kind: str = "cad"
+    given_name: bool = True
+    scale: float = 1.0
+    placed: Model = field(init=False)
+    face_rows: tuple[list[int], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.face_rows = tuple([] for _ in self.model.parts)
+        for row, face in enumerate(self.model.faces):
+            self.face_rows[face.part].append(row)
+        self.placed = dataclasses.replace(
+            self.model, patches=self.model.patches.moved(self.placement)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A bound on a metric of a sensor grid, judged in the report."""
+
+    sensors: str
+    metric: str
+    min: float | None = None
+    max: float | None = None
+
+    def __post_init__(self) -> None:
+        name = f"requirement on {self.sensors!r} {self.metric}"
+        if self.min is None and self.max is None:
+            raise InputError(f"{name}: give min, max or both")
+        for key in ("min", "max"):
+            value = getattr(self, key)
+            if value is not None and not math.isfinite(value):
+                raise InputError(f"{name}: {key} = {value}: must be a finite number")
+
+
+class Scene:
+    """Models, lights, sky, sensors and cameras of one simulation.
+
+    Everything is given in scene coordinates: metres, z up, true north ``north_deg`` clockwise from
+    +y. `freeze` turns the whole scene, with its sensors and cameras, to world axes (x east, y
+    north).
+
+    Parameters
+    ----------
+    model : Model, optional
+        First model, added under its own name.
+    up : {"z", "y", "x"}
+        Axis that points up in the files of the models.
+    north_deg : float
+        Direction of true north, clockwise from +y. [deg]
+    site : Site, optional
+        Place on earth, for the report.
+    maintenance_factor : float
+        Multiplies the flux of all emitters, not the sky, the sun or the ground. (0, 1]
+    colors : {"pictures", "reflectance"}
+        Whether colours of the CAD file are for pictures only, or give faces without a Material the
+        grey reflectance of their linear luminance, clipped to 0.05 … 0.9.
+    """
+
+    def __init__(
+        self,
+        model: Model | None = None,
+        *,
+        up: str = "z",
+        north_deg: float = 0.0,
+        site: Site | None = None,
+        maintenance_factor: float = 1.0,
+        colors: str = "pictures",
+    ) -> None:
+        self._up = up_matrix(up)
+        self.north = north_matrix(north_deg)
+        self.north_deg = float(north_deg)
+        if site is not None and not isinstance(site, Site):
+            raise InputError(f"Scene.site = {site!r}: expected a Site")
+        self.site = site
+        if not (math.isfinite(maintenance_factor) and 0.0 < maintenance_factor <= 1.0):
+            raise InputError(f"Scene.maintenance_factor = {maintenance_factor}: must lie in (0, 1]")
+        self.maintenance_factor = float(maintenance_factor)
+        if colors not in COLORS:
+            raise InputError(f"Scene.colors = {colors!r}: must be one of {', '.join(COLORS)}")
+        self.colors = colors
+        self.title: str | None = None
+        self.entries: dict[str, Entry] = {}
+        self.grids: dict[str, SensorGrid | Sensors] = {}
+        self.cameras: dict[str, Camera] = {}
+        self.assignments: list[Assignment] = []
+        self.requirements: list[Requirement] = []
+        self.notes: list[str] = []
+        self._sky: CIESky | None = None
+        self._sun: Sun | None = None
+        self._ground: Ground | None = None
+        if model is not None:
+            self.add(model)
+
+    # --- light from outside -------------------------------------------------------------------
+
+    @property
+    def sky(self) -> CIESky | None:
+        """Sky, filling z > 0."""
+        return self._sky
+
+    @sky.setter
+    def sky(self, value: CIESky | None) -> None:
+        self._sky = _checked("sky", value, CIESky)
+
+    @property
+    def sun(self) -> Sun | None:
+        """Disc of the sun."""
+        return self._sun
+
+    @sun.setter
+    def sun(self, value: Sun | None) -> None:
+        self._sun = _checked("sun", value, Sun)
+
+    @property
+    def ground(self) -> Ground | None:
+        """Lower hemisphere; ``Ground(0.2)`` when there is a sky or a sun and nothing was set."""
+        return self._ground
+
+    @ground.setter
+    def ground(self, value: Ground | None) -> None:
+        self._ground = _checked("ground", value, Ground)
+
+    # --- things -------------------------------------------------------------------------------
+
+    def add(
+        self,
+        thing: Model | PatchSet | SensorGrid | Sensors | Camera,
+        name: str | None = None,
+        *,
+        at: ArrayLike = (0.0, 0.0, 0.0),
+        two_sided: bool = False,
+    ) -> None:
+        """Put something into the scene.
+
+        Parameters
+        ----------
+        thing : Model, PatchSet, SensorGrid, Sensors or Camera
+            PatchSets are active on their +normal side only; their back is opaque and black.
+        name : str, optional
+            First segment of the part paths of a Model (its own name when not given), the path of a
+            PatchSet (required), or another name for a grid or a camera.
+        at : (3,) offset or (4, 4) matrix
+            Where models and patches go. [m]
+        two_sided : bool
+            A PatchSet that reflects on both sides, like a sheet.
+
+        Raises
+        ------
+        InputError
+            For a name that is taken, and for options that the thing does not have.
+        """
+        if isinstance(thing, Model | PatchSet):
+            self._add_geometry(thing, name, affine(at), two_sided)
+            return
+        if not np.array_equal(np.asarray(at), (0.0, 0.0, 0.0)) or two_sided:
+            raise InputError(
+                f"Scene.add: at and two_sided are for models and patches, not {thing!r}"
+            )
+        if isinstance(thing, Camera):
+            camera = thing if name is None else dataclasses.replace(thing, name=name)
+            _check_name("camera", camera.name)
+            _add_new(self.cameras, "camera", camera.name, camera)
+        elif isinstance(thing, SensorGrid | Sensors):
+            key = thing.name if name is None else name
+            _check_name("sensors", key)
+            _add_new(self.grids, "sensors", key, thing)
+        else:
+            raise InputError(
+                f"Scene.add: {type(thing).__name__}: expected a Model, PatchSet, SensorGrid, "
+                "Sensors or Camera"
+            )
+
+    def _add_geometry(
+        self, thing: Model | PatchSet, name: str | None, at: FloatArray, two_sided: bool
+    ) -> None:
+        if isinstance(thing, PatchSet):
+            if not name:
+                raise InputError("Scene.add: a PatchSet needs a name")
+            kind = "sheet" if two_sided else "patches"
+            entry = Entry(name, model_of_patches(thing, name), at, kind)
+        elif two_sided:
+            raise InputError("Scene.add: two_sided is for a PatchSet; sheets of a model have it")
+        else:
+            placement = at @ self._up
+            entry = Entry(name or thing.name, thing, placement, given_name=name is not None)
+        if "*" in entry.name or "?" in entry.name:
+            raise InputError(f"Scene.add: name {entry.name!r}: must not contain * or ?")
+        _add_new(self.entries, "model", entry.name, entry)
+
+    def update(self, model: Model, name: str | None = None) -> None:
+        """Replace the model of the same name by a new shape; assignments and place are kept.
+
+        Raises
+        ------
+        InputError
+            If no model has the name, or an assignment matches nothing of the new shape.
+        """
+        key = name or model.name
+        if key not in self.entries or self.entries[key].kind != "cad":
+            have = ", ".join(k for k, e in self.entries.items() if e.kind == "cad") or "none"
+            raise InputError(f"Scene.update: no model named {key!r}; models: {have}")
+        old = self.entries[key]
+        self.entries[key] = Entry(key, model, old.placement, old.kind, old.given_name, old.scale)
+        try:
+            for assignment in self.assignments:
+                matched_faces(self.entries, assignment)
+        except InputError:
+            self.entries[key] = old
+            raise
+
+    def assign(
+        self,
+        pattern: str,
+        what: Material | Emitter | Air,
+        *,
+        faces: str | None = None,
+        layer: str | None = None,
+        color: str | None = None,
+    ) -> int:
+        """Give parts or faces a material, make them emit, or declare them the air of a room.
+
+        Material and Emitter are separate slots of a face; the last assignment wins in each.
+
+        Parameters
+        ----------
+        pattern : str
+            Part path: ``*`` stays in a segment, ``**`` crosses; without ``/`` it is compared with
+            the last segment of every path.
+        what : Material, Emitter or Air
+            `Emitter.flux_lm` is the flux of each matched part.
+        faces : str, optional
+            ``up``, ``down``, ``vertical``, ``#7``, a name or colour of a face, or a CadQuery
+            selector.
+        layer, color : str, optional
+            Narrow the match to a CAD layer or a colour such as ``"#ffcc00"``.
+
+        Returns
+        -------
+        int
+            Number of faces.
+
+        Raises
+        ------
+        InputError
+            If nothing matches; the message names the three nearest paths.
+        """
+        if not isinstance(what, Material | Emitter | Air):
+            kind = type(what).__name__
+            raise InputError(f"assign {pattern!r}: {kind}: expected a Material, Emitter or Air")
+        assignment = Assignment(pattern, what, faces, layer, color, frozenset(self.entries))
+        count = sum(len(match.rows) for match in matched_faces(self.entries, assignment))
+        self.assignments.append(assignment)
+        return count
+
+    def require(
+        self, sensors: str, metric: str, *, min: float | None = None, max: float | None = None
+    ) -> None:
+        """Ask that ``metric`` of the grid ``sensors`` lies within bounds, in the metric's unit."""
+        self.requirements.append(Requirement(sensors, metric, min, max))
+
+    def freeze(self) -> SceneData:
+        """The scene as the solver sees it: world axes, SI units, sensors resolved."""
+        from patchlight.solver.numba_cache import use_cache_folder
+
+        from .freezing import frozen_scene
+
+        use_cache_folder()  # asking what is inside a solid compiles kernels
+        return frozen_scene(self)
+
+
+def _checked(name: str, value: Any, kind: type) -> Any:
+    if value is not None and not isinstance(value, kind):
+        raise InputError(f"Scene.{name} = {value!r}: expected a {kind.__name__}")
+    return value
+
+
+def _add_new(table: dict[str, Any], kind: str, name: str, value: Any) -> None:
+    if name in table:
+        raise InputError(f"Scene.add: a {kind} named {name!r} exists already; give another name")
+    table[name] = value
+
+
+def _check_name(kind: str, name: str) -> None:
+    """Names of grids and cameras become file names."""
+    if not name or name.startswith(".") or any(c in name for c in '/\\:*?"<>|\0\n'):
+        raise InputError(f"{kind} {name!r}: the name becomes a file name; use letters and digits")

@@ -1,0 +1,85 @@
+"""One call from a scene to a result."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+from patchlight.solver.errors import InputError
+from patchlight.solver.model import Result, SceneData
+
+from .scene import Scene
+
+Progress = Callable[[str, int, int], None]
+
+
+def simulate(
+    scene: Scene | SceneData,
+    *,
+    accuracy: float = 0.01,
+    visibility: str = "auto",
+    method: str = "default",
+    progress: Progress | None = None,
+    threads: int | None = None,
+) -> Result:
+    """Light in ``scene``: illuminance at its sensors and surfaces, pictures of its cameras.
+
+    Parameters
+    ----------
+    scene : Scene or SceneData
+        A `Scene` is frozen first.
+    accuracy : float
+        Relative error of sensor illuminance aimed at, each value taken as at least 1 % of its
+        grid's mean; every tolerance follows from it.
+    visibility : str
+        How hiding is computed; see `patchlight.solver.simulation.solve`.
+    method : str
+        Way of computing form factors; see `patchlight.solver.simulation.solve`.
+    progress : callable, optional
+        Called as ``progress(stage, done, total)``.
+    threads : int, optional
+        Threads of the solver; all cores when not given.
+
+    Returns
+    -------
+    Result
+        Sensors, surfaces, images, flux ledger and error estimates.
+
+    Raises
+    ------
+    InputError
+        For options out of range, and for all that `Scene.freeze` finds.
+    """
+    if not (math.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
+        raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
+    if threads is not None and threads < 1:
+        raise InputError(f"threads = {threads}: must be at least 1")
+    announce_kernels(progress)
+    data = scene.freeze() if isinstance(scene, Scene) else scene
+    from patchlight.solver.simulation import solve
+
+    result = solve(
+        data,
+        accuracy=accuracy,
+        visibility=visibility,
+        method=method,
+        progress=progress,
+        threads=threads,
+    )
+    if isinstance(scene, Scene) and scene.requirements:
+        asked = [
+            {key: value for key, value in dataclasses.asdict(r).items() if value is not None}
+            for r in scene.requirements
+        ]
+        result = dataclasses.replace(result, settings={**result.settings, "requirements": asked})
+    return result
+
+
+def announce_kernels(progress: Progress | None) -> None:
+    """Choose the folder of compiled kernels, and say so when they must be compiled first."""
+    from patchlight.solver.numba_cache import use_cache_folder
+
+    _, warm = use_cache_folder()
+    if not warm and progress is not None:
+        progress("compiling kernels (once)", 0, 1)

@@ -1,0 +1,120 @@
+"""Material and emitter slots of every face: the last assignment wins in each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from patchlight.solver.model import BLACK, Air, Emitter, Material
+from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
+
+from .assigning import matched_faces, row_offsets
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+#: Material of faces that were given none.
+DEFAULT = Material(0.5, name="default grey 0.5")
+#: Reflectances that a CAD colour can stand for: paints are neither black nor perfect.
+COLOR_RANGE = (0.05, 0.9)
+
+
+@dataclass(slots=True)
+class Slots:
+    """What was assigned; f faces and k parts counted through the scene.
+
+    Attributes
+    ----------
+    material, luminaire : (f, 2) int array
+        Rows of ``materials`` and ``lamps`` for the + and − side.
+    default_faces : (f,) bool array
+        Faces on the default material.
+    air : (k,) bool array
+        Parts that are the volume of a room.
+    lamps : list of (part row, Emitter)
+        One a part and assignment.
+    """
+
+    material: np.ndarray
+    luminaire: np.ndarray
+    default_faces: np.ndarray
+    air: np.ndarray
+    materials: tuple[Material, ...]
+    lamps: list[tuple[int, Emitter]]
+
+
+def filled_slots(scene: Scene) -> Slots:
+    """Resolve all assignments of ``scene``."""
+    part_start, face_start = row_offsets(scene.entries)
+    parts = sum(len(entry.model.parts) for entry in scene.entries.values())
+    faces = sum(len(entry.model.faces) for entry in scene.entries.values())
+    given: list[Material | None] = [None] * faces
+    lamp_of_face = np.full(faces, -1)
+    lamps: list[tuple[int, Emitter]] = []
+    air = np.zeros(parts, dtype=bool)
+    for assignment in scene.assignments:
+        for match in matched_faces(scene.entries, assignment):
+            part_row = part_start[match.entry] + match.part
+            rows = face_start[match.entry] + np.asarray(match.rows)
+            if isinstance(assignment.what, Air):
+                air[part_row] = True
+            elif isinstance(assignment.what, Emitter):
+                lamp_of_face[rows] = len(lamps)
+                lamps.append((part_row, assignment.what))
+            else:
+                for row in rows:
+                    given[row] = assignment.what
+    lamps, lamp_of_face = _used(lamps, lamp_of_face)
+    table: dict[Material, int] = {}
+    material = np.full((faces, 2), BLACK)
+    default = np.zeros(faces, dtype=bool)
+    colors = _cad_colors(scene) if scene.colors == "reflectance" else [None] * faces
+    for row in range(faces):
+        front = given[row] or colors[row]
+        if front is None:
+            if lamp_of_face[row] >= 0:
+                continue  # an emitting face without a material reflects nothing
+            front, default[row] = DEFAULT, True
+        back = front.back or front
+        material[row] = [table.setdefault(_named(m), len(table)) for m in (front, back)]
+    luminaire = np.full((faces, 2), -1)
+    for row in np.flatnonzero(lamp_of_face >= 0):
+        side = lamps[lamp_of_face[row]][1].side
+        luminaire[row] = [
+            lamp_of_face[row] if side in ("both", here) else -1 for here in ("front", "back")
+        ]
+    return Slots(material, luminaire, default, air, tuple(table), lamps)
+
+
+def _used(
+    lamps: list[tuple[int, Emitter]], lamp_of_face: np.ndarray
+) -> tuple[list[tuple[int, Emitter]], np.ndarray]:
+    """Lamps that still own a face after later assignments, renumbered."""
+    kept = sorted({int(k) for k in lamp_of_face if k >= 0})
+    number = {old: new for new, old in enumerate(kept)}
+    renumbered = np.array([number.get(int(k), -1) for k in lamp_of_face], dtype=np.int64)
+    return [lamps[k] for k in kept], renumbered
+
+
+def _named(material: Material) -> Material:
+    """The material without its back, named after its reflectance where it has no name."""
+    r = material.reflectance
+    name = material.name or (
+        f"grey {r:g}" if isinstance(r, float) else "rgb " + " ".join(f"{x:g}" for x in r)
+    )
+    return Material(r, name=name)
+
+
+def _cad_colors(scene: Scene) -> list[Material | None]:
+    """Grey of the luminance of each face's CAD colour."""
+    found: list[Material | None] = []
+    for entry in scene.entries.values():
+        for face in entry.model.faces:
+            color = face.color or entry.model.parts[face.part].color
+            if color is None:
+                found.append(None)
+                continue
+            y = float(np.clip(np.dot(color, LUMINANCE_WEIGHTS), *COLOR_RANGE))
+            found.append(Material(y, name=f"colour, grey {y:.2f}"))
+    return found

@@ -1,0 +1,59 @@
+"""Where compiled kernels are kept: keyed by all kernel sources, in a folder that can be written.
+
+Numba drops a cached kernel only when the kernel's own file changes, so an edited helper in another
+file, or an upgrade, would run old machine code. One folder per hash of all sources cures both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+KERNELS = Path(__file__).parent / "kernels"
+
+
+def source_key() -> str:
+    """Hash of all kernel sources."""
+    digest = hashlib.sha256()
+    for path in sorted(KERNELS.rglob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def use_cache_folder() -> tuple[Path, bool]:
+    """Point Numba's disk cache to a folder of this version of the kernels.
+
+    Call it before the first kernel is imported. A NUMBA_CACHE_DIR that is already set is kept.
+
+    Returns
+    -------
+    folder : Path
+        The folder.
+    warm : bool
+        Whether kernels compiled earlier are in it; otherwise compiling comes first.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(given) if given else _first_writable(f"numba-{source_key()}")
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    numba = sys.modules.get("numba")
+    if numba is not None:  # imported before: it has read the environment already
+        numba.config.CACHE_DIR = str(folder)
+    warm = folder.is_dir() and next(folder.rglob("*.nbi"), None) is not None
+    return folder, warm
+
+
+def _first_writable(name: str) -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or Path("~").expanduser() / ".cache"
+    user = Path(base) / "patchlight"
+    for parent in (KERNELS / "__pycache__", user, Path(tempfile.gettempdir()) / "patchlight"):
+        folder = parent / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                return folder
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="patchlight-numba-"))
