@@ -147,7 +147,7 @@ def value_slopes(work, net, u, v):
 
 @nb.njit(cache=True, error_model="numpy")
 def newton(work, u, v):
-    """Root of D near (u, v): (converged, u, v, determinant of the slopes)."""
+    """Root of D near (u, v): (converged, u, v)."""
     last = 1.0
     for _ in range(12):
         f, fu, fv = value_slopes(work, D1, u, v)
@@ -157,11 +157,11 @@ def newton(work, u, v):
         dv = (fu * g - gu * f) / det
         step = max(abs(du), abs(dv))
         if not step < 2.0:  # also catches NaN
-            return False, u, v, det
+            return False, u, v
         u -= du
         v -= dv
         # Below 1e-9 one more quadratic step is exact; stalling there is rounding.
         if step < 1e-9 or (step < 1e-6 and step >= last):
-            return True, u, v, det
+            return True, u, v
         last = step
-    return False, u, v, 0.0
+    return False, u, v

@@ -81,6 +81,21 @@ def _edge_on(work, error):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _facing(work, u, v, error):
+    """+1 where the ray runs against the +normal, −1 along it, 0 where they are square."""
+    for _ in range(2):
+        _, fu, fv = value_slopes(work, D1, u, v)
+        _, gu, gv = value_slopes(work, D2, u, v)
+        det = fu * gv - fv * gu
+        if abs(det) > 4.0 * error * (abs(fu) + abs(fv) + abs(gu) + abs(gv)):
+            break
+        # On a collapsed edge the slopes vanish: look a little further inside the patch.
+        u += 1e-4 * (0.5 - u)
+        v += 1e-4 * (0.5 - v)
+    return -1 if det > 0.0 else (1 if det < 0.0 else 0)
+
+
+@nb.njit(cache=True, error_model="numpy")
 def hit_general(net, box_u0, box_u1, box_v0, box_v1, t_min, t_max, facing_filter, find_any, work):
     """Nearest (or any) hit of the ray in ``work`` with the given parameter box of the patch.
 
@@ -137,14 +152,11 @@ def hit_general(net, box_u0, box_u1, box_v0, box_v1, t_min, t_max, facing_filter
         gu = 0.5 * (work[SUB2 + 12] + work[SUB2 + 15] - work[SUB2] - work[SUB2 + 3])
         gv = 0.5 * (work[SUB2 + 3] + work[SUB2 + 15] - work[SUB2] - work[SUB2 + 12])
         det = fu * gv - fv * gu
-        found, u, v, slope = False, 0.5 * (u0 + u1), 0.5 * (v0 + v1), 0.0
+        found, u, v = False, 0.5 * (u0 + u1), 0.5 * (v0 + v1)
         clipped = False
         if size <= error:
             # The whole box lies on the ray within rounding.
             found = True
-            _, fu, fv = value_slopes(work, D1, u, v)
-            _, gu, gv = value_slopes(work, D2, u, v)
-            slope = fu * gv - fv * gu
         elif det != 0.0:
             a11, a12, a21, a22 = gv / det, -fv / det, -gu / det, fu / det
             ulo, uhi, vlo, vhi = math.inf, -math.inf, math.inf, -math.inf
@@ -174,9 +186,7 @@ def hit_general(net, box_u0, box_u1, box_v0, box_v1, t_min, t_max, facing_filter
             if max(3.0 * (g1u + g1v), 3.0 * (g2u + g2v)) < 0.9 and max(wide_u, wide_v) < 0.5:
                 # At most one root in this box.
                 du, dv = u1 - u0, v1 - v0
-                ok, u, v, slope = newton(
-                    work, u0 + 0.5 * (ulo + uhi) * du, v0 + 0.5 * (vlo + vhi) * dv
-                )
+                ok, u, v = newton(work, u0 + 0.5 * (ulo + uhi) * du, v0 + 0.5 * (vlo + vhi) * dv)
                 if ok:
                     x, y = (u - u0) / du, (v - v0) / dv
                     found = x >= -tol_u and x <= 1.0 + tol_u and y >= -tol_v and y <= 1.0 + tol_v
@@ -191,7 +201,7 @@ def hit_general(net, box_u0, box_u1, box_v0, box_v1, t_min, t_max, facing_filter
                 clipped = True
         if found:
             t = value(work, DISTANCE, u, v) / value(work, WEIGHT, u, v)
-            facing = -1 if slope > 0.0 else (1 if slope < 0.0 else 0)
+            facing = _facing(work, u, v, error)
             if t > t_min and t < t_hit and facing * facing_filter >= 0:
                 status, t_hit, facing_hit = HIT, t, facing
                 u_hit, v_hit = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
