@@ -143,6 +143,7 @@ class Scene:
             raise InputError(f"Scene.colors = {colors!r}: must be one of {', '.join(COLORS)}")
         self.colors = colors
         self.title: str | None = None
+        self.accuracy = 0.01
         self.entries: dict[str, Entry] = {}
         self.grids: dict[str, SensorGrid | Sensors] = {}
         self.cameras: dict[str, Camera] = {}
@@ -247,6 +248,10 @@ class Scene:
         else:
             placement = at @ self._up
             entry = Entry(name or thing.name, thing, placement, given_name=name is not None)
+        self.add_entry(entry)
+
+    def add_entry(self, entry: Entry) -> None:
+        """Put a placed model into the scene."""
         if "*" in entry.name or "?" in entry.name:
             raise InputError(f"Scene.add: name {entry.name!r}: must not contain * or ?")
         _add_new(self.entries, "model", entry.name, entry)

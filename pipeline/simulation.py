@@ -17,7 +17,7 @@ Progress = Callable[[str, int, int], None]
 def simulate(
     scene: Scene | SceneData,
     *,
-    accuracy: float = 0.01,
+    accuracy: float | None = None,
     visibility: str = "auto",
     method: str = "default",
     progress: Progress | None = None,
@@ -29,9 +29,9 @@ def simulate(
     ----------
     scene : Scene or SceneData
         A `Scene` is frozen first.
-    accuracy : float
+    accuracy : float, optional
         Relative error of sensor illuminance aimed at, each value taken as at least 1 % of its
-        grid's mean; every tolerance follows from it.
+        grid's mean; every tolerance follows from it. 0.01, or what the scene file says.
     visibility : str
         How hiding is computed; see `patchlight.solver.simulation.solve`.
     method : str
@@ -51,6 +51,8 @@ def simulate(
     InputError
         For options out of range, and for all that `Scene.freeze` finds.
     """
+    if accuracy is None:
+        accuracy = scene.accuracy if isinstance(scene, Scene) else 0.01
     if not (math.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
         raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
     if threads is not None and threads < 1:

@@ -1,1 +1,19 @@
-"""Demo scenes, built in CadQuery."""
+"""Demo scenes, built in CadQuery and run from the STEP file they write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from patchlight.solver.errors import InputError
+
+#: What `patchlight demo NAME` offers.
+DEMOS = {"office": "side-lit office with a curved wall, a dome, furniture and two lamps"}
+
+
+def write_demo(name: str, folder: Path) -> Path:
+    """Write STEP file and scene file of a demo into ``folder``; return the scene file."""
+    if name not in DEMOS:
+        raise InputError(f"demo {name!r}: there is no such demo; demos: {', '.join(DEMOS)}")
+    from . import office
+
+    return office.write(folder)

@@ -1,0 +1,248 @@
+"""Reading scene.toml: everything wrong with it is said at once."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from patchlight.solver.errors import InputError, MissingFileError, PatchlightError
+
+from .frames import up_matrix
+from .scene import Entry, Scene
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+    from .scene_schema import SceneFile
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Scene described by a TOML file; file names in it are relative to its folder.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    InputError
+        Naming every unknown key, value out of bounds, missing model and pattern without a match.
+    """
+    path = Path(path)
+    return build_scene(read_scene_file(path), path)
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """The checked contents of a scene file."""
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise MissingFileError(f"{path}: no such file") from None
+    except OSError as error:
+        raise MissingFileError(f"{path}: cannot be read ({error.strerror})") from None
+    try:
+        values = tomllib.loads(raw.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+    return checked_scene_file(values, path)
+
+
+def checked_scene_file(values: dict[str, Any], path: Path) -> SceneFile:
+    """Check the tables of a scene file; ``path`` names it and roots relative files."""
+    from pydantic import ValidationError
+
+    from .scene_schema import SceneFile
+
+    problems: list[str] = []
+    file = None
+    try:
+        file = SceneFile.model_validate(values)
+    except ValidationError as error:
+        problems += _problems(error)
+    problems += _across_tables(values, file, path.parent)
+    if problems:
+        raise InputError(_message(path, problems))
+    if file is None:  # a validation error always has a problem; for the type checker
+        raise InputError(f"{path}: cannot be used")
+    return file
+
+
+def _message(path: Path, problems: list[str]) -> str:
+    if len(problems) == 1:
+        return f"{path}: {problems[0]}"
+    return f"{path}: {len(problems)} problems\n" + "\n".join(f"  {p}" for p in problems)
+
+
+def _problems(error: ValidationError) -> list[str]:
+    """One line a problem, with its key path."""
+    from .scene_schema import SceneFile
+
+    lines = []
+    for item in error.errors(include_url=False):
+        key = _key(item["loc"])
+        if item["type"] == "extra_forbidden":
+            known = _known_keys(SceneFile, item["loc"][:-1])
+            near = get_close_matches(str(item["loc"][-1]), known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
+            lines.append(f"{key}: unknown key; {hint}")
+        elif item["type"] == "missing":
+            lines.append(f"{key}: missing")
+        elif item["type"] == "value_error":
+            lines.append(f"{key}: {item['ctx']['error']}" if key else str(item["ctx"]["error"]))
+        else:
+            given = item.get("input")
+            shown = f" (is {given!r})" if isinstance(given, str | int | float | list) else ""
+            lines.append(f"{key}: {item['msg']}{shown}")
+    return list(dict.fromkeys(lines))
+
+
+def _key(loc: tuple[int | str, ...]) -> str:
+    """``assign[0].material.reflectance``; names of union members are left out."""
+    text = ""
+    for step in loc:
+        if isinstance(step, int):
+            text += f"[{step}]"
+        elif not any(c in step for c in "[(-") and step not in ("float", "int", "str", "literal"):
+            text += f".{step}" if text else step
+    return text
+
+
+def _known_keys(table: Any, loc: tuple[int | str, ...]) -> list[str]:
+    """Keys of the table at ``loc``."""
+    from typing import get_args
+
+    for step in loc:
+        if isinstance(step, int) or step not in getattr(table, "model_fields", {}):
+            continue
+        kind = table.model_fields[step].annotation
+        while not hasattr(kind, "model_fields"):
+            inner = [a for a in get_args(kind) if a is not type(None)]
+            if not inner:
+                return []
+            kind = inner[0]
+        table = kind
+    return list(table.model_fields)
+
+
+def _across_tables(values: dict[str, Any], file: SceneFile | None, folder: Path) -> list[str]:
+    """Problems that concern more than one table, or the disk; works on unchecked values."""
+    problems = []
+    for k, table in enumerate(_tables(values, "model")):
+        name = table.get("file")
+        if isinstance(name, str) and name and not (folder / name).is_file():
+            problems.append(f"model[{k}].file: {folder / name}: no such file")
+    for kind in ("sensors", "cameras"):
+        seen: set[str] = set()
+        for k, table in enumerate(_tables(values, kind)):
+            name = table.get("name")
+            if isinstance(name, str) and name in seen:
+                problems.append(f"{kind}[{k}].name: {name!r} is taken")
+            seen.add(str(name))
+    grids = [str(t.get("name")) for t in _tables(values, "sensors")]
+    for k, table in enumerate(_tables(values, "requirements")):
+        name = table.get("sensors")
+        if isinstance(name, str) and name not in grids:
+            have = ", ".join(grids) or "none"
+            problems.append(f"requirements[{k}].sensors: {name!r}: no such grid; grids: {have}")
+    if file is not None and file.sky is not None:
+        try:
+            file.sky.build_with(file.sun)
+        except PatchlightError as error:
+            problems.append(f"sky: {error}")
+    return problems
+
+
+def _tables(values: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    tables = values.get(key)
+    return [t for t in tables if isinstance(t, dict)] if isinstance(tables, list) else []
+
+
+def build_scene(file: SceneFile, path: Path) -> Scene:
+    """Read the models of a checked scene file and apply it; ``path`` is the scene file."""
+    from patchlight.importers import read_step
+
+    scene = Scene(
+        north_deg=file.site.north_deg,
+        site=file.site.build(),
+        maintenance_factor=file.maintenance_factor,
+        colors=file.colors,
+    )
+    scene.title = file.title or path.stem
+    scene.accuracy = file.accuracy
+    problems: list[str] = []
+
+    def attempt(key: str, action: Any, *args: Any, **options: Any) -> None:
+        try:
+            action(*args, **options)
+        except PatchlightError as error:
+            problems.append(f"{key}: {error}")
+
+    for k, table in enumerate(file.model):
+        try:
+            model = read_step(
+                path.parent / table.file,
+                scale=table.scale,
+                unit=table.unit,
+                tolerance=table.tolerance,
+                angle_deg=table.angle_deg,
+            )
+        except PatchlightError as error:
+            problems.append(f"model[{k}].file: {error}")
+            continue
+        placement = up_matrix(table.up)
+        placement[:3, 3] = np.asarray(table.at_m)
+        named = table.name or model.name
+        entry = Entry(named, model, placement, given_name=table.name is not None, scale=table.scale)
+        attempt(f"model[{k}].name", scene.add_entry, entry)
+    if problems:  # patterns would only repeat that a model is missing
+        raise InputError(_message(path, problems))
+    for k, assign in enumerate(file.assign):
+        for what in assign.build():
+            attempt(
+                f"assign[{k}]",
+                scene.assign,
+                assign.parts,
+                what,
+                faces=assign.faces,
+                layer=assign.layer,
+                color=assign.color,
+            )
+    scene.sky = None if file.sky is None else file.sky.build_with(file.sun)
+    scene.sun = None if file.sun is None else file.sun.build()
+    scene.ground = None if file.ground is None else file.ground.build()
+    for k, grid in enumerate(file.sensors):
+        attempt(f"sensors[{k}]", scene.add, grid.build())
+    for k, camera in enumerate(file.cameras):
+        attempt(f"cameras[{k}]", scene.add, camera.build())
+    scene.requirements = [r.build() for r in file.requirements]
+    if problems:
+        raise InputError(_message(path, list(dict.fromkeys(problems))))
+    return scene
+
+
+def resolved_config(file: SceneFile, folder: Path, *, remarks: tuple[str, ...] = ()) -> str:
+    """The scene file with all defaults written out and absolute file names, as TOML.
+
+    Hashes of the models and ``remarks`` stand in comments at the top, so that the text can be run
+    again as it is.
+    """
+    import tomli_w
+
+    values = file.model_dump(mode="json", exclude_none=True)
+    lines = ["# All settings of this run, defaults included; can be run again.", ""]
+    lines[1:1] = [f"# {remark}" for remark in remarks]
+    for table in values["model"]:
+        full = (folder / table["file"]).resolve()
+        table["file"] = str(full)
+        lines.insert(-1, f"# sha256 {file_hash(full)} {full.name}")
+    return "\n".join(lines) + "\n" + tomli_w.dumps(values)
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,326 @@
+"""Layout of scene.toml. Unknown keys are errors; every value object checks its own bounds."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from patchlight.solver.errors import PatchlightError
+from patchlight.solver.model import Air, Camera, CIESky, Emitter, Ground, Material, Site, Sun
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, model_validator
+
+from .assigning import srgb8
+from .grids import SensorGrid
+from .scene import COLORS, Requirement
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"{value}: must be a finite number")
+    return value
+
+
+Number = Annotated[float, Field(strict=True), AfterValidator(_finite)]
+Triple = tuple[Number, Number, Number]
+Text = Annotated[str, Field(min_length=1)]
+Reflectance = Number | Triple
+
+
+class Table(BaseModel):
+    """Base of all tables."""
+
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+
+    @model_validator(mode="after")
+    def _build_once(self) -> Table:
+        """Make what the table describes, so that its own checks run with all others."""
+        try:
+            self.build()
+        except PatchlightError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    def build(self) -> Any:
+        """What the table describes."""
+        return None
+
+    def given(self) -> dict[str, Any]:
+        """Values that are not None, by key."""
+        return {k: v for k in type(self).model_fields if (v := getattr(self, k)) is not None}
+
+
+class SiteTable(Table):
+    """Place and orientation."""
+
+    latitude_deg: Number | None = None
+    """Positive north. [deg]"""
+    longitude_deg: Number | None = None
+    """Positive east. [deg]"""
+    elevation_m: Number = 0.0
+    timezone: str | None = None
+    """Name such as Europe/Berlin."""
+    north_deg: Number = 0.0
+    """True north, clockwise from +y of the scene. [deg]"""
+
+    def build(self) -> Site | None:
+        """The site, or None when only the orientation is given."""
+        if self.latitude_deg is None and self.longitude_deg is None:
+            return None
+        if self.latitude_deg is None or self.longitude_deg is None:
+            raise ValueError("give latitude_deg and longitude_deg together")
+        return Site(self.latitude_deg, self.longitude_deg, self.elevation_m, self.timezone)
+
+
+class ModelTable(Table):
+    """A STEP file and where it goes."""
+
+    file: Text
+    """Relative to the scene file."""
+    name: Text | None = None
+    """First segment of the part paths; the file's name when not given."""
+    scale: Annotated[Number, Field(gt=0)] = 1.0
+    unit: Text | None = None
+    """Length unit instead of the file's own."""
+    up: Literal["z", "y", "x"] = "z"
+    at_m: Triple = (0.0, 0.0, 0.0)
+    tolerance: Annotated[Number, Field(gt=0)] = 1e-4
+    """Largest deviation of a converted face, relative to the part's size."""
+    angle_deg: Annotated[Number, Field(gt=0)] = 1.0
+    """Largest deviation of its normals. [deg]"""
+
+
+class MaterialTable(Table):
+    """Opaque diffuse surface."""
+
+    reflectance: Reflectance = 0.5
+    """Number or linear [r, g, b], 0 to 1."""
+    name: str = ""
+    back: MaterialTable | None = None
+    """Other side of a sheet."""
+
+    def build(self) -> Material:
+        """The material."""
+        back = None if self.back is None else self.back.build()
+        return Material(self.reflectance, back=back, name=self.name)
+
+
+class EmitterTable(Table):
+    """Light leaving a surface evenly."""
+
+    flux_lm: Number | None = None
+    """Flux of each matched part. [lm]"""
+    luminance_cd_m2: Number | None = None
+    cct_k: Number = 4000.0
+    side: Literal["both", "front", "back"] = "both"
+    group: Text | None = None
+    """Light group of the result; the part's name when not given."""
+    power_w: Number | None = None
+    dim: Number = 1.0
+
+    def build(self) -> Emitter:
+        """The emitter."""
+        return Emitter(**self.given())
+
+
+class AssignTable(Table):
+    """What some parts or faces are made of."""
+
+    parts: Text
+    """Part pattern: * stays in a segment, ** crosses."""
+    faces: Text | None = None
+    """up, down, vertical, #7, a face's name or colour, or a CadQuery selector."""
+    layer: Text | None = None
+    color: Text | None = None
+    """CAD colour such as #ffcc00."""
+    material: MaterialTable | None = None
+    emitter: EmitterTable | None = None
+    air: StrictBool = False
+    """The parts are the volume of the room itself."""
+
+    def build(self) -> list[Material | Emitter | Air]:
+        """The things to assign."""
+        things: list[Material | Emitter | Air] = []
+        if self.material is not None:
+            things.append(self.material.build())
+        if self.emitter is not None:
+            things.append(self.emitter.build())
+        if self.air:
+            things.append(Air())
+        if not things:
+            raise ValueError("give material, emitter or air")
+        if self.color is not None:
+            srgb8(self.color, f"assign {self.parts!r}")
+        return things
+
+
+class SkyTable(Table):
+    """Sky of CIE S 011 (types 1 to 15) or the traditional overcast sky (16)."""
+
+    model: Literal["cie"] = "cie"
+    type: Annotated[int, Field(strict=True)] | Text = 16
+    sun_altitude_deg: Number | None = None
+    """Taken from [sun] when not given. [deg]"""
+    sun_azimuth_deg: Number | None = None
+    diffuse_illuminance_lx: Number | None = None
+    """Horizontal illuminance of the sky alone; 10 000 lx when no level is given. [lx]"""
+    zenith_luminance_cd_m2: Number | None = None
+    cct_k: Number = 6500.0
+
+    def build(self) -> None:
+        """Nothing yet: the position of the sun may stand in [sun]."""
+
+    def build_with(self, sun: SunTable | None) -> CIESky:
+        """The sky, with the sun's position of ``sun`` where it has none."""
+        values = {k: v for k, v in self.given().items() if k != "model"}
+        if sun is not None and self.sun_altitude_deg is None and self.sun_azimuth_deg is None:
+            values["sun_altitude_deg"] = min(90.0, max(0.0, sun.altitude_deg))
+            values["sun_azimuth_deg"] = sun.azimuth_deg
+        return CIESky(**values)
+
+
+class SunTable(Table):
+    """Disc of the sun."""
+
+    altitude_deg: Number
+    azimuth_deg: Number
+    """Clockwise from north. [deg]"""
+    normal_illuminance_lx: Number
+    angular_radius_arcmin: Number = 16.0
+    cct_k: Number = 5500.0
+
+    def build(self) -> Sun:
+        """The sun."""
+        return Sun(**self.given())
+
+
+class GroundTable(Table):
+    """Uniform lower hemisphere."""
+
+    reflectance: Number = 0.2
+    modelled: StrictBool = False
+    """The terrain is part of the model: no light comes from below the horizon."""
+
+    def build(self) -> Ground:
+        """The ground."""
+        return Ground(None if self.modelled else self.reflectance)
+
+
+class SensorsTable(Table):
+    """A grid: on a plane (z_m), on faces (parts), or given points (points_m)."""
+
+    name: Text
+    z_m: Number | None = None
+    spacing_m: Number | Literal["en12464"] = 0.5
+    margin_m: Number | None = None
+    over: Text | None = None
+    """Part pattern of the floor; the visible floor below z_m when not given."""
+    bounds_m: tuple[Number, Number, Number, Number] | None = None
+    """Rectangle x0, y0, x1, y1 instead of a floor."""
+    parts: Text | None = None
+    """Part pattern of faces to put sensors on."""
+    faces: Text | None = None
+    points_m: list[Triple] | None = None
+    normal: Triple | None = None
+    """Direction the sensors face; up when not given."""
+    quantity: Literal["planar"] = "planar"
+
+    def build(self) -> SensorGrid:
+        """The grid."""
+        forms = [k for k in ("z_m", "parts", "points_m") if getattr(self, k) is not None]
+        if len(forms) != 1:
+            raise ValueError("give exactly one of z_m, parts and points_m")
+        form = forms[0]
+        allowed = {
+            "z_m": {"margin_m", "over", "bounds_m", "normal", "spacing_m"},
+            "parts": {"faces", "spacing_m"},
+            "points_m": {"normal"},
+        }[form]
+        keys = ("margin_m", "over", "bounds_m", "normal", "faces")
+        wrong = [k for k in keys if getattr(self, k) is not None and k not in allowed]
+        if "spacing_m" in self.model_fields_set and "spacing_m" not in allowed:
+            wrong.append("spacing_m")
+        if wrong:
+            raise ValueError(f"{', '.join(wrong)}: not used together with {form}")
+        normal = self.normal or (0.0, 0.0, 1.0)
+        if self.points_m is not None:
+            return SensorGrid(self.points_m, normal, name=self.name)
+        if self.parts is not None:
+            if isinstance(self.spacing_m, str):
+                raise ValueError("spacing_m: must be a number for sensors on faces")
+            return SensorGrid.on_faces(
+                self.name, self.parts, spacing=self.spacing_m, faces=self.faces
+            )
+        return SensorGrid.on_plane(
+            self.name,
+            z=float(self.z_m or 0.0),
+            spacing=self.spacing_m,
+            margin=self.margin_m or 0.0,
+            over=self.over,
+            bounds=self.bounds_m,
+            normal=normal,
+        )
+
+
+class CameraTable(Table):
+    """A view."""
+
+    name: Text
+    eye_m: Triple
+    target_m: Triple
+    up: Triple = (0.0, 0.0, 1.0)
+    fov_deg: Number = 60.0
+    """Horizontal field of view. [deg]"""
+    size: tuple[int, int] = (800, 600)
+    """Width and height in pixels."""
+    projection: Literal["perspective", "parallel", "fisheye", "panorama"] = "perspective"
+
+    def build(self) -> Camera:
+        """The camera."""
+        return Camera(
+            self.eye_m,
+            self.target_m,
+            self.name,
+            up=self.up,
+            fov_deg=self.fov_deg,
+            size=self.size,
+            projection=self.projection,
+        )
+
+
+class RequirementTable(Table):
+    """A bound on a metric of a grid."""
+
+    sensors: Text
+    metric: Text
+    min: Number | None = None
+    max: Number | None = None
+
+    def build(self) -> Requirement:
+        """The requirement."""
+        from patchlight.reports.metrics import QUANTITIES
+
+        if self.metric not in QUANTITIES:
+            raise ValueError(f"metric {self.metric!r}: one of {', '.join(QUANTITIES)}")
+        return Requirement(self.sensors, self.metric, self.min, self.max)
+
+
+class SceneFile(Table):
+    """A whole scene.toml."""
+
+    schema_version: Literal[1]
+    title: Text | None = None
+    accuracy: Annotated[Number, Field(ge=1e-6, le=0.5)] = 0.01
+    """Relative error of sensor illuminance aimed at."""
+    maintenance_factor: Annotated[Number, Field(gt=0, le=1)] = 1.0
+    """Factor on electric light; daylight has none."""
+    colors: Literal["pictures", "reflectance"] = COLORS[0]  # type: ignore[assignment]
+    """Whether CAD colours are for pictures only or give unassigned faces their reflectance."""
+    site: SiteTable = Field(default_factory=SiteTable)
+    model: Annotated[list[ModelTable], Field(min_length=1)]
+    assign: list[AssignTable] = Field(default_factory=list)
+    sky: SkyTable | None = None
+    sun: SunTable | None = None
+    ground: GroundTable | None = None
+    sensors: list[SensorsTable] = Field(default_factory=list)
+    cameras: list[CameraTable] = Field(default_factory=list)
+    requirements: list[RequirementTable] = Field(default_factory=list)
