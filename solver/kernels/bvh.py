@@ -156,7 +156,7 @@ def _halve(boxes, order, first, last, low, high):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _enters(box, ox, oy, oz, ix, iy, iz, t_min, t_max):
+def enters(box, ox, oy, oz, ix, iy, iz, t_min, t_max):
     """Distance at which a ray with inverse direction (ix, iy, iz) enters the box, or inf."""
     a, b = (box[0] - ox) * ix, (box[3] - ox) * ix
     near, far = min(a, b), max(a, b)
@@ -172,7 +172,7 @@ def _enters(box, ox, oy, oz, ix, iy, iz, t_min, t_max):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _inverse(d):
+def inverse(d):
     # A finite stand-in for 1/0, so that 0 · (1/0) is 0 and not NaN.
     if abs(d) < 1e-290:
         return -1e290 if d < 0.0 else 1e290
@@ -194,8 +194,8 @@ def trace_ray(
     if not (squared > 0.0 and squared < math.inf) or links.shape[0] == 0:
         return status, patch, t_hit, u_hit, v_hit, facing_hit
     setup_ray(ox, oy, oz, dx, dy, dz, work)
-    ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
-    if _enters(bounds[0], ox, oy, oz, ix, iy, iz, t_min, t_hit) == math.inf:
+    ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
+    if enters(bounds[0], ox, oy, oz, ix, iy, iz, t_min, t_hit) == math.inf:
         return status, patch, t_hit, u_hit, v_hit, facing_hit
     stack[0] = 0
     top = 1
@@ -223,8 +223,8 @@ def trace_ray(
                 break
             continue
         second = links[node, 1]
-        near_1 = _enters(bounds[first], ox, oy, oz, ix, iy, iz, t_min, t_hit)
-        near_2 = _enters(bounds[second], ox, oy, oz, ix, iy, iz, t_min, t_hit)
+        near_1 = enters(bounds[first], ox, oy, oz, ix, iy, iz, t_min, t_hit)
+        near_2 = enters(bounds[second], ox, oy, oz, ix, iy, iz, t_min, t_hit)
         if near_1 > near_2:
             first, second = second, first
             near_1, near_2 = near_2, near_1

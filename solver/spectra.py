@@ -1,0 +1,57 @@
+"""Colour of white light; the only module of the solver that knows colour-science."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from .errors import InputError
+from .model.arrays import FloatArray, frozen
+from .model.optics import LUMINANCE_WEIGHTS
+
+#: Below it light is Planckian, from it on CIE daylight. [K]
+DAYLIGHT_FROM_K = 4000.0
+
+
+def cct_to_rgb(cct_k: float) -> FloatArray:
+    """Linear sRGB (3,) of white light of luminance 1, 0.2126 R + 0.7152 G + 0.0722 B = 1.
+
+    Planckian radiator below 4000 K, CIE daylight locus from there to 25 000 K [1]. Light below
+    about 1900 K lies outside the sRGB gamut: its negative blue is set to zero and the rest scaled
+    back to luminance 1.
+
+    .. [1] CIE 015:2018, "Colorimetry", 4th ed., sec. 4.1.2 (daylight locus); Planck's law with
+       c2 = 1.438 776 877e-2 m K and the CIE 1931 2 degree observer; sRGB by IEC 61966-2-1.
+
+    Raises
+    ------
+    InputError
+        Outside 1000 to 25 000 K.
+    """
+    if not 1000.0 <= cct_k <= 25000.0:
+        raise InputError(f"cct_k = {cct_k}: must lie between 1000 and 25000")
+    return _rgb(float(cct_k))
+
+
+@lru_cache(maxsize=256)
+def _rgb(cct_k: float) -> FloatArray:
+    import colour
+
+    if cct_k < DAYLIGHT_FROM_K:
+        observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+        xyz = colour.planck_law(observer.wavelengths * 1e-9, cct_k) @ observer.values
+        x, y = xyz[:2] / xyz.sum()
+    else:
+        x, y = colour.temperature.CCT_to_xy_CIE_D(cct_k)
+    return _rgb_of_chromaticity(float(x), float(y))
+
+
+def _rgb_of_chromaticity(x: float, y: float) -> FloatArray:
+    """Linear sRGB (3,) of chromaticity (x, y), clipped to the gamut, with luminance 1."""
+    import colour
+
+    space = colour.RGB_COLOURSPACES["sRGB"]
+    rgb = np.asarray(space.matrix_XYZ_to_RGB) @ np.array([x / y, 1.0, (1.0 - x - y) / y])
+    rgb = np.maximum(rgb, 0.0)
+    return frozen(rgb / (rgb @ np.array(LUMINANCE_WEIGHTS)))

@@ -1,0 +1,191 @@
+"""Inside and outside of solids: boxes, curved bodies, bodies that touch, air."""
+
+import numpy as np
+import pytest
+from patchlight.solver.containment import Containment, buried, check_placement, inside_solids
+from patchlight.solver.errors import InputError
+from patchlight.solver.model import (
+    BLACK,
+    Camera,
+    Luminaire,
+    Material,
+    PatchSet,
+    SceneData,
+    SceneFace,
+    ScenePart,
+    Sensors,
+)
+
+
+def scene_of(*bodies, **more):
+    """Scene of (PatchSet, kind) bodies named a, b, c, …"""
+    sets, parts = [], []
+    for k, (patches, kind) in enumerate(bodies):
+        n = len(patches)
+        sets.append(
+            PatchSet(patches.control_points, np.arange(n) + sum(map(len, sets)), np.full(n, k))
+        )
+        parts.append(ScenePart("abcdefgh"[k], "model", kind))
+    patches = PatchSet.concatenated(*sets)
+    n = len(patches)
+    kinds = np.array([parts[p].kind for p in patches.part_index])
+    arrays = dict(
+        two_sided=kinds == "sheet",
+        closed=(kinds == "solid") | (kinds == "air"),
+        material_index=np.zeros((n, 2), dtype=int),
+        luminaire_index=np.full((n, 2), BLACK),
+    )
+    return SceneData(
+        patches=patches,
+        parts=tuple(parts),
+        faces=tuple(SceneFace(int(p), 1, "plane") for p in patches.part_index),
+        materials=(Material(),),
+        **(arrays | more),
+    )
+
+
+def random_points(n, extent, seed=1):
+    return np.random.default_rng(seed).uniform(-extent, extent, size=(n, 3))
+
+
+def test_box():
+    points = random_points(2000, 1.0)
+    inside = inside_solids(scene_of((PatchSet.box((1, 1.2, 0.8)), "solid")), points)
+    assert (inside == (np.abs(points) < [0.5, 0.6, 0.4]).all(axis=1)).all()
+
+
+def test_sphere_with_faces_that_come_close():
+    points = random_points(2000, 1.2)
+    shell = np.random.default_rng(2).normal(size=(500, 3))
+    shell /= np.linalg.norm(shell, axis=1, keepdims=True)
+    points = np.concatenate([points, shell * (1 + 1e-9), shell * (1 - 1e-9)])
+    inside = inside_solids(scene_of((PatchSet.sphere((0, 0, 0), 1.0), "solid")), points)
+    assert (inside == (np.linalg.norm(points, axis=1) < 1.0)).all()
+
+
+def test_torus():
+    points = random_points(2000, 1.5)
+    torus = PatchSet.torus((0, 0, 0), (0, 0, 1), 1.0, 0.4)
+    inside = inside_solids(scene_of((torus, "solid")), points)
+    ring = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 1.0, points[:, 2])
+    assert (inside == (ring < 0.4)).all()
+
+
+def test_cavity_is_not_material():
+    # A room as one solid: outer box, and an inner shell whose normals look into the cavity.
+    walls = PatchSet.concatenated(PatchSet.box((4, 4, 4)), PatchSet.box((3, 3, 3), inward=True))
+    points = random_points(1000, 2.2)
+    inside = inside_solids(scene_of((walls, "solid")), points)
+    outer = (np.abs(points) < 2.0).all(axis=1)
+    cavity = (np.abs(points) < 1.5).all(axis=1)
+    assert (inside == (outer & ~cavity)).all()
+
+
+def test_overlapping_and_nested_solids_are_judged_one_by_one():
+    big, small = PatchSet.sphere((0, 0, 0), 1.0), PatchSet.box((0.4, 0.4, 0.4), (0.2, 0, 0))
+    scene = scene_of((big, "solid"), (small, "solid"))
+    points = random_points(1000, 1.2)
+    tester = Containment(scene)
+    parts = tester.parts_at(points)
+    assert ((parts >= 0) == (np.linalg.norm(points, axis=1) < 1.0)).all()
+
+
+def test_air_and_sheets_are_not_material():
+    scene = scene_of(
+        (PatchSet.box((4, 4, 4), inward=True), "air"),
+        (PatchSet.sphere((1, 1, 1), 0.5), "solid"),
+        (PatchSet.box((1, 1, 1), (-1, -1, -1)), "sheet"),
+    )
+    points = random_points(1000, 3.0)
+    inside = inside_solids(scene, points)
+    assert (inside == (np.linalg.norm(points - 1.0, axis=1) < 0.5)).all()
+
+
+def test_touching_boxes_bury_their_common_face():
+    left, right = PatchSet.box((1, 1, 1)), PatchSet.box((1, 0.5, 0.5), (1, 0, 0))
+    scene = scene_of((left, "solid"), (right, "solid"))
+    yz = np.random.default_rng(3).uniform(-0.5, 0.5, size=(400, 2))
+    nodes = np.column_stack([np.full(400, 0.5), yz])
+    normals = np.tile([1.0, 0.0, 0.0], (400, 1))
+    covered = (np.abs(yz) < 0.25).all(axis=1)
+    for distance in (1e-9, 1e-6, 1e-4):
+        assert (buried(scene, nodes, normals, distance) == covered).all()
+        # the small box's side of the same plane is wholly covered
+        assert buried(scene, nodes[covered], -normals[covered], distance).all()
+    # Free faces stay free.
+    top = np.column_stack([yz, np.full(400, 0.5)])
+    assert not buried(scene, top, np.tile([0.0, 0.0, 1.0], (400, 1)), 1e-6).any()
+
+
+def test_gap_within_the_distance_counts_as_contact():
+    for gap, distance, expected in ((1e-5, 1e-4, True), (1e-3, 1e-4, False), (-1e-5, 1e-4, True)):
+        plate = PatchSet.box((1, 1, 1e-5), (0, 0, 0.5 + gap + 0.5e-5))  # thinner than the distance
+        scene = scene_of((PatchSet.box((1, 1, 1)), "solid"), (plate, "solid"))
+        found = buried(scene, [[0.1, 0.2, 0.5]], [[0.0, 0.0, 1.0]], distance)
+        assert found.tolist() == [expected]
+
+
+def test_shaft_in_a_hole_is_buried_on_both_curved_faces():
+    def tube(radius, inward):
+        return PatchSet.cylinder((0, 0, 0), (0, 0, 1), radius, inward=inward)
+
+    caps = [PatchSet.disk((0, 0, z), 0.5, (0, 0, 2 * z - 1)) for z in (0, 1)]
+    shaft = PatchSet.concatenated(tube(0.5, False), *caps)
+    # The hole's patches are turned by 30°, so that the two surfaces share no control point.
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    turn = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    hole = tube(0.5, True).moved(turn)
+    rest = PatchSet.cylinder((0, 0, 0), (0, 0, 1), 1.0)
+    scene = scene_of((shaft, "solid"), (PatchSet.concatenated(hole, rest), "solid"))
+    angle = np.linspace(0, 2 * np.pi, 97)
+    radial = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(97)])
+    nodes = 0.5 * radial + [0, 0, 0.37]
+    assert buried(scene, nodes, radial, 1e-6).all()
+    assert buried(scene, nodes, -radial, 1e-6).all()
+
+
+def test_furniture_on_the_floor_of_an_air_volume():
+    room = PatchSet.box((4, 4, 3), (0, 0, 1.5), inward=True)
+    table = PatchSet.box((1, 1, 1), (0.5, 0.3, 0.5))
+    scene = scene_of((room, "air"), (table, "solid"))
+    nodes = [[0.5, 0.3, 0.0], [-1.0, -1.0, 0.0], [0.5, 0.3, 0.0], [0.5, 0.3, 1.0]]
+    normals = [[0, 0, 1.0], [0, 0, 1.0], [0, 0, -1.0], [0, 0, 1.0]]
+    assert buried(scene, nodes, normals, 1e-6).tolist() == [True, False, True, False]
+
+
+def test_own_concave_faces_are_free():
+    torus = PatchSet.torus((0, 0, 0), (0, 0, 1), 1.0, 0.4)
+    nodes = torus.evaluate(0.3, 0.6)
+    assert not buried(scene_of((torus, "solid")), nodes, torus.normals(0.3, 0.6), 1e-7).any()
+
+
+def test_placement_warnings_name_the_thing_and_the_solid():
+    lamp_flux = Luminaire("b", "lamps", 500.0, 0.1, np.ones(3), 4000.0)
+    lamp = PatchSet.sphere((0, 0, 0), 0.1)
+    wall = PatchSet.box((1, 1, 1))
+    emitting = np.full((14, 2), -1)
+    emitting[6:, 0] = 0
+    scene = scene_of(
+        (wall, "solid"),
+        (lamp, "solid"),
+        luminaire_index=emitting,
+        luminaires=(lamp_flux,),
+        cameras=(Camera((0.3, 0.3, 0.3), (0, 0, 0), name="door"),),
+        sensors=(Sensors("plane", [(0.3, 0.3, 0.3), (2.0, 0.0, 0.0)], (0.0, 0.0, 1.0)),),
+    )
+    lines = check_placement(scene)
+    assert len(lines) == 3
+    assert "lamp 'b'" in lines[0] and "'a'" in lines[0] and "500 lm" in lines[0]
+    assert "camera 'door'" in lines[1] and "'a'" in lines[1]
+    assert "sensors 'plane': 1 of 2" in lines[2] and "'a'" in lines[2]
+    free = scene_of((wall, "solid"), cameras=(Camera((3, 0, 0), (0, 0, 0), name="far"),))
+    assert check_placement(free) == ()
+
+
+def test_bad_input():
+    scene = scene_of((PatchSet.box((1, 1, 1)), "solid"))
+    with pytest.raises(InputError, match="distance"):
+        buried(scene, [[0, 0, 0.5]], [[0, 0, 1]], 0.0)
+    with pytest.raises(InputError, match="points"):
+        inside_solids(scene, [0.0, 0.0, 0.0])
+    assert inside_solids(scene, np.zeros((0, 3))).shape == (0,)
