@@ -1,1 +1,28 @@
-"""Patchlight importers."""
+"""Importers: STEP and CadQuery models as exact patches. Importing this loads no CAD kernel."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .cadquery_model import from_cadquery
+    from .inspection import inspection
+    from .selection import cad_face, select_faces
+    from .step import read_step
+
+__all__ = ["cad_face", "from_cadquery", "inspection", "read_step", "select_faces"]
+
+_HOME = {
+    "cad_face": "selection",
+    "from_cadquery": "cadquery_model",
+    "inspection": "inspection",
+    "read_step": "step",
+    "select_faces": "selection",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(f".{_HOME[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,212 @@
+"""Bodies converted to the rows of a Model: each distinct shape once, then placed."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRepBndLib import BRepBndLib
+from OCP.ShapeFix import ShapeFix_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+from patchlight.solver.errors import GeometryError
+from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
+
+from . import moments
+from .convert import AREA_LIMIT, FacePatches, convert_face
+from .extract import Extractor, faces_of
+from .occurrences import Body, Looks
+
+
+@dataclass(slots=True)
+class Converted:
+    """A distinct shape as patches in file units."""
+
+    faces: list[FacePatches]
+    shapes: list[Any]
+    edge_count: int
+    size: float
+    kind: str
+    notes: list[str] = field(default_factory=list)
+
+
+def diagonal(shape: Any) -> float:
+    """Diagonal of the bounding box of a shape. [file units]"""
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    if box.IsVoid():
+        return 0.0
+    x0, y0, z0, x1, y1, z1 = box.Get()
+    return float(np.linalg.norm([x1 - x0, y1 - y0, z1 - z0]))
+
+
+def convert_shape(
+    shape: Any, kind: str, tolerance: float, angle_deg: float, heal: bool
+) -> Converted:
+    """Patches of one solid or sheet; ``tolerance`` relative to its size.
+
+    A solid whose patches enclose a negative volume is turned inside out; one that is not closed
+    keeps its orientation and is noted.
+    """
+    out = _convert(shape, kind, tolerance, angle_deg)
+    if heal and any(_bad(f) for f in out.faces):
+        fixer = ShapeFix_Shape(shape)
+        fixer.Perform()
+        again = _convert(fixer.Shape(), kind, tolerance, angle_deg)
+        before, after = sum(map(_bad, out.faces)), sum(map(_bad, again.faces))
+        if len(again.faces) == len(out.faces) and after < before:
+            again.notes.append(f"shape repaired by the CAD kernel ({before - after} faces)")
+            out = again
+    if out.kind == "solid":
+        _orient(out)
+    return out
+
+
+def _bad(face: FacePatches) -> bool:
+    return not len(face.nets) or face.area_error > AREA_LIMIT
+
+
+def _convert(shape: Any, kind: str, tolerance: float, angle_deg: float) -> Converted:
+    size = diagonal(shape)
+    extractor = Extractor(shape)
+    faces, shapes = [], faces_of(shape)
+    with np.errstate(all="ignore"):
+        for item in shapes:
+            raw = extractor.face(item)
+            faces.append(convert_face(raw, tolerance * size, angle_deg, size))
+    return Converted(faces, shapes, extractor.count, size, kind)
+
+
+def _orient(out: Converted) -> None:
+    nets = [f.nets for f in out.faces if len(f.nets)]
+    if not nets:
+        return
+    every = np.concatenate(nets)
+    volume, vector, area = moments.volume_and_vector(every)
+    complete = len(nets) == len(out.faces)
+    if complete and np.linalg.norm(vector) > 1e-3 * area:
+        out.notes.append("the solid is not closed: its faces do not enclose a volume")
+    if volume < 0.0:
+        for f in out.faces:
+            f.nets = np.ascontiguousarray(f.nets[:, ::-1])
+            f.edges = f.edges[:, [0, 3, 2, 1]]
+        out.notes.append("the solid was inside out and has been reversed")
+
+
+def assemble(
+    bodies: list[Body],
+    *,
+    name: str,
+    metres: float,
+    tolerance: float,
+    angle_deg: float,
+    heal: bool,
+    source: str,
+    sha256: str,
+    unit: str,
+    started: float,
+    warnings: list[str],
+) -> tuple[Model, list[list[Any]]]:
+    """Model of the bodies, and the CAD faces of each part (without placement).
+
+    Raises
+    ------
+    GeometryError
+        If there is no face, or no face could be converted.
+    """
+    keys = TopTools_IndexedMapOfShape()
+    done: dict[int, tuple[Converted, int]] = {}
+    parts: list[Part] = []
+    faces: list[Face] = []
+    sets: list[PatchSet] = []
+    notes: list[str] = []
+    shapes: list[list[Any]] = []
+    edge_base = 0
+    for row, body in enumerate(bodies):
+        key = keys.Add(body.shape)
+        if key not in done:
+            found = convert_shape(body.shape, body.kind, tolerance, angle_deg, heal)
+            done[key] = (found, row)
+            notes += [f"{body.path}: {note}" for note in found.notes]
+        found, first = done[key]
+        placement = body.placement.copy()
+        placement[:3, 3] *= metres
+        linear = np.linalg.svd(placement[:3, :3], compute_uv=False)
+        inner = _inner_looks(body, found.shapes)
+        scaled = np.array([metres, metres, metres, 1.0])
+        area_factor = metres**2 * float(linear[0] * linear[1])
+        moved = placement @ np.diag(scaled)
+        for number, (face, looks) in enumerate(zip(found.faces, inner, strict=True), 1):
+            if len(face.nets):
+                edges = np.where(face.edges >= 0, face.edges + edge_base, -1)
+                n = len(face.nets)
+                patches = PatchSet(face.nets, np.full(n, len(faces)), np.full(n, row), edges)
+                sets.append(patches.moved(moved))
+            length = metres * float(linear[0])
+            faces.append(
+                Face(
+                    part=row, number=number, kind=face.kind, exact=face.exact,
+                    patches=len(face.nets), deviation_m=face.deviation * length,
+                    angle_deg=face.angle_deg, area_m2=face.area * area_factor,
+                    area_error=face.area_error, gap_m=face.gap * length, reason=face.reason,
+                    name=looks.name, color=looks.color,
+                )
+            )  # fmt: skip
+        edge_base += found.edge_count
+        shapes.append(found.shapes)
+        parts.append(
+            Part(
+                body.path, found.kind, body.looks.color, body.looks.layer,
+                body.looks.material, placement, first,
+            )
+        )  # fmt: skip
+    if not faces:
+        raise GeometryError("no faces: the file holds no solid, shell or face")
+    if not sets:
+        reason = next((f.reason for f in faces if f.reason), "unknown")
+        raise GeometryError(f"none of the {len(faces)} faces could be converted: {reason}")
+    patches = PatchSet.concatenated(*sets)
+    warnings = warnings + _warnings(parts, faces, patches)
+    certificate = Certificate(
+        tuple(faces), tuple(p.path for p in parts), time.perf_counter() - started, tuple(notes)
+    )
+    model = Model(
+        name, tuple(parts), tuple(faces), patches, certificate, source, sha256, unit,
+        tuple(warnings),
+    )  # fmt: skip
+    return model, shapes
+
+
+def _inner_looks(body: Body, shapes: list[Any]) -> list[Looks]:
+    """Name and colour of each face, where the file gives them to faces."""
+    out = [Looks() for _ in shapes]
+    if not body.inner:
+        return out
+    index = TopTools_IndexedMapOfShape()
+    for s in shapes:
+        index.Add(s)
+    for shape, looks in body.inner:
+        k = index.FindIndex(shape)
+        if k:
+            out[k - 1] = looks
+    return out
+
+
+def _warnings(parts: list[Part], faces: list[Face], patches: PatchSet) -> list[str]:
+    out = []
+    low, high = patches.bounds()
+    size = float((high - low).max())
+    if size > 1e3:
+        out.append(f"the model is {size:.4g} m long: check its length unit (option unit or scale)")
+    elif size < 1e-3:
+        out.append(f"the model is {size:.2g} m long: check its length unit (option unit or scale)")
+    failed = [f for f in faces if f.failed]
+    if failed:
+        f = failed[0]
+        out.append(
+            f"{len(failed)} of {len(faces)} faces could not be converted; the first is "
+            f"{parts[f.part].path} #{f.number} ({f.kind}): {f.reason}"
+        )
+    return out

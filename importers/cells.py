@@ -1,0 +1,79 @@
+"""Four-sided cells of the (u, v) domain and their shape quality."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from patchlight.solver.model.arrays import FloatArray
+
+from .arcs import Arc
+
+
+@dataclass(slots=True)
+class Cell:
+    """A cell with its sides counter-clockwise: v=0, u=1, v=1 and u=0 of the patch.
+
+    A side that is None is collapsed to a point.
+    """
+
+    sides: tuple[Arc | None, Arc | None, Arc | None, Arc | None]
+
+    @property
+    def edges(self) -> list[int]:
+        """B-rep edge of each side, −1 for none."""
+        return [-1 if a is None else a.edge for a in self.sides]
+
+
+def grid_samples(sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) -> FloatArray:
+    """Coons grids (m, 9, 9, 2) of cells given by the samples of their sides, each (9, 2).
+
+    S. A. Coons' Boolean sum: both ruled surfaces minus the bilinear one.
+    """
+    c = np.array([s[0] for s in sides])
+    d = np.array([s[2][::-1] for s in sides])
+    right = np.array([s[1] for s in sides])
+    left = np.array([s[3][::-1] for s in sides])
+    t = np.linspace(0.0, 1.0, c.shape[1])
+    s_, t_ = t[None, :, None, None], t[None, None, :, None]
+    ruled = (1 - t_) * c[:, :, None] + t_ * d[:, :, None]
+    ruled = ruled + (1 - s_) * left[:, None] + s_ * right[:, None]
+    corners = (1 - s_) * ((1 - t_) * c[:, :1, None] + t_ * d[:, :1, None])
+    corners = corners + s_ * ((1 - t_) * c[:, -1:, None] + t_ * d[:, -1:, None])
+    return np.asarray(ruled - corners)
+
+
+def quality(sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) -> FloatArray:
+    """Smallest sine (m,) of the angle between the parameter lines; negative when folded.
+
+    A side of zero length is a collapsed one; the sine is then not taken in the row next to it.
+    """
+    if not sides:
+        return np.empty(0)
+    g = grid_samples(sides)
+    ds = 0.5 * (g[:, 1:, :-1] - g[:, :-1, :-1] + g[:, 1:, 1:] - g[:, :-1, 1:])
+    dt = 0.5 * (g[:, :-1, 1:] - g[:, :-1, :-1] + g[:, 1:, 1:] - g[:, 1:, :-1])
+    cross = ds[..., 0] * dt[..., 1] - ds[..., 1] * dt[..., 0]
+    length = np.linalg.norm(ds, axis=-1) * np.linalg.norm(dt, axis=-1)
+    sine = cross / np.maximum(length, 1e-300)
+    return np.asarray(sine.min(axis=(1, 2)))
+
+
+def side_samples(arc: Arc | None, point: FloatArray | None = None) -> FloatArray:
+    """Nine samples of a side; a collapsed side is nine times ``point``."""
+    if arc is None:
+        return np.broadcast_to(point, (9, 2))  # type: ignore[arg-type]
+    return arc.samples[::2]
+
+
+def samples_of(cell: Cell) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Samples of the four sides, collapsed ones at the end of the side before."""
+    out = []
+    for k, arc in enumerate(cell.sides):
+        if arc is None:
+            before, after = cell.sides[k - 1], cell.sides[(k + 1) % 4]
+            point = before.end if before is not None else after.start  # type: ignore[union-attr]
+            out.append(side_samples(None, point))
+        else:
+            out.append(side_samples(arc))
+    return out[0], out[1], out[2], out[3]

@@ -1,0 +1,152 @@
+"""Curves as arrays, in two or three dimensions, evaluated without the CAD kernel.
+
+Conics use the kernel's parameter: the angle of circles and ellipses, the hyperbolic angle of
+hyperbolas, the focal parameter of parabolas.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from patchlight.solver.model.arrays import FloatArray
+
+from . import nurbs
+
+
+class Curve:
+    """Base: ``evaluate`` (n,) -> (n, d) points and ``slope`` (n,) -> (n, d) derivatives."""
+
+    straight = False
+
+    def evaluate(self, t: FloatArray) -> FloatArray:
+        raise NotImplementedError
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        raise NotImplementedError
+
+    def breaks(self, a: float, b: float) -> FloatArray:
+        """Parameters in [a, b] between which the curve is smooth, ends included."""
+        return np.array([a, b])
+
+
+@dataclass(slots=True)
+class Line(Curve):
+    """origin + t direction."""
+
+    origin: FloatArray
+    direction: FloatArray
+    straight = True
+
+    def evaluate(self, t: FloatArray) -> FloatArray:
+        return np.asarray(self.origin + np.asarray(t)[..., None] * self.direction)
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        return np.broadcast_to(self.direction, (*np.shape(t), len(self.direction)))
+
+
+@dataclass(slots=True)
+class Conic(Curve):
+    """centre + f(t) x + g(t) y with (f, g) = (cos, sin), (cosh, sinh) or (t²/4F, t)."""
+
+    kind: str
+    center: FloatArray
+    x: FloatArray
+    y: FloatArray
+
+    def evaluate(self, t: FloatArray) -> FloatArray:
+        t = np.asarray(t)[..., None]
+        if self.kind == "ellipse":
+            return np.asarray(self.center + np.cos(t) * self.x + np.sin(t) * self.y)
+        if self.kind == "hyperbola":
+            return np.asarray(self.center + np.cosh(t) * self.x + np.sinh(t) * self.y)
+        return np.asarray(self.center + t * t * self.x + t * self.y)
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        t = np.asarray(t)[..., None]
+        if self.kind == "ellipse":
+            return np.asarray(-np.sin(t) * self.x + np.cos(t) * self.y)
+        if self.kind == "hyperbola":
+            return np.asarray(np.sinh(t) * self.x + np.cosh(t) * self.y)
+        return np.asarray(2.0 * t * self.x + self.y)
+
+    def quadratic(self, a: float, b: float) -> FloatArray:
+        """Homogeneous quadratic (3, d + 1) of the arc [a, b]; end weights 1."""
+        h, m = 0.5 * (b - a), 0.5 * (a + b)
+        d = len(self.center)
+        out = np.ones((3, d + 1))
+        ends = self.evaluate(np.array([a, b]))
+        out[0, :d], out[2, :d] = ends
+        if self.kind == "ellipse":
+            w = math.cos(h)
+            middle = w * self.center + math.cos(m) * self.x + math.sin(m) * self.y
+        elif self.kind == "hyperbola":
+            w = math.cosh(h)
+            middle = w * self.center + math.cosh(m) * self.x + math.sinh(m) * self.y
+        else:
+            w = 1.0
+            middle = self.center + a * b * self.x + m * self.y
+        out[1, :d], out[1, d] = middle, w
+        return out
+
+
+@dataclass(slots=True)
+class BSpline(Curve):
+    """Rational B-spline as Bézier pieces; ``knots`` of C0 continuity may be kinks."""
+
+    knots: FloatArray
+    pieces: FloatArray
+    degree: int
+    period: float | None = None
+
+    def _homogeneous(self, t: FloatArray, basis: Callable) -> tuple[FloatArray, FloatArray]:
+        t = nurbs.wrap(t, float(self.knots[0]), self.period)
+        piece, local, length = nurbs.locate(self.knots, t)
+        return np.einsum("...k,...kd->...d", basis(self.degree, local), self.pieces[piece]), length
+
+    def evaluate(self, t: FloatArray) -> FloatArray:
+        h, _ = self._homogeneous(t, nurbs.bernstein_basis)
+        return np.asarray(h[..., :-1] / h[..., -1:])
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        h, length = self._homogeneous(t, nurbs.bernstein_basis)
+        d, _ = self._homogeneous(t, nurbs.bernstein_slope)
+        point = h[..., :-1] / h[..., -1:]
+        return np.asarray((d[..., :-1] - d[..., -1:] * point) / h[..., -1:] / length[..., None])
+
+    def breaks(self, a: float, b: float) -> FloatArray:
+        knots = self.knots
+        if self.period is not None:
+            low = math.floor((a - knots[0]) / self.period)
+            high = math.ceil((b - knots[0]) / self.period)
+            knots = np.unique(
+                np.concatenate([knots + k * self.period for k in range(low, high + 1)])
+            )
+        margin = 1e-9 * (b - a)
+        inside = knots[(knots > a + margin) & (knots < b - margin)]
+        return np.concatenate([[a], inside, [b]])
+
+
+@dataclass(slots=True)
+class Sampled(Curve):
+    """A curve of a kind without arrays (offset curves …), evaluated point by point."""
+
+    point: Callable[[float], tuple[tuple[float, ...], tuple[float, ...]]]
+    cache: dict[float, tuple] = field(default_factory=dict)
+
+    def _all(self, t: FloatArray, which: int) -> FloatArray:
+        t = np.asarray(t, dtype=np.float64)
+        rows = []
+        for value in t.ravel().tolist():
+            if value not in self.cache:
+                self.cache[value] = self.point(value)
+            rows.append(self.cache[value][which])
+        return np.array(rows).reshape(*t.shape, -1)
+
+    def evaluate(self, t: FloatArray) -> FloatArray:
+        return self._all(t, 0)
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        return self._all(t, 1)

@@ -1,0 +1,362 @@
+"""Boundary loops of a face in (u, v): pieces of edges, unwrapped over the periods, in regions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from patchlight.solver.errors import GeometryError
+from patchlight.solver.model.arrays import FloatArray
+
+from .arcs import Arc, Chord, EdgeArc, NetArc, flat_chord
+from .chains import chain, split_by_turning, stations
+from .curves import Conic
+from .extract import EdgeUse, RawFace
+from .surfaces import Plane, Surface
+from .triangulate import inside, signed_area
+
+Loop = list[Arc]
+
+
+@dataclass(slots=True)
+class Domain:
+    """Regions of a face (outer loop first in each) with the maker of their chords."""
+
+    regions: list[list[Loop]]
+    chord: Callable[[FloatArray, FloatArray], Arc]
+    scale: FloatArray
+    size: float
+    exact: bool
+    gap: float
+
+
+def planar_domain(face: RawFace, surface: Plane, tolerance: float) -> Domain:
+    """Loops of a planar face from the chains of its edges."""
+    o, x, y, _ = surface.frame
+    to_flat = np.zeros((4, 3))
+    to_flat[:3, 0], to_flat[:3, 1], to_flat[3, 2] = x, y, 1.0
+    to_flat[3, 0], to_flat[3, 1] = -o @ x, -o @ y
+    lift = np.zeros((3, 4))
+    lift[0, :3], lift[1, :3], lift[2, :3], lift[2, 3] = x, y, o, 1.0
+    loops: list[Loop] = []
+    exact, gap = True, 0.0
+    for uses in face.loops:
+        loop: Loop = []
+        for use in uses:
+            pieces = chain(use.edge, tolerance)
+            ordered = pieces[::-1] if use.reversed else pieces
+            straight = use.edge.curve is not None and use.edge.curve.straight
+            for piece in ordered:
+                net = piece.net[::-1] if use.reversed else piece.net
+                loop.append(NetArc(net, net @ to_flat, use.edge.index, straight, piece.exact))
+                exact &= piece.exact
+        if loop:
+            loops.append(loop)
+    box = np.concatenate([a.samples for loop in loops for a in loop]) if loops else np.zeros((1, 2))
+    size = float(np.ptp(box, axis=0).max())
+    cleaned = []
+    for loop in loops:
+        done, opening = _closed_planar(loop, size, lift)
+        gap = max(gap, opening)
+        if done:
+            cleaned.append(done)
+
+    def chord(p: FloatArray, q: FloatArray) -> Arc:
+        return flat_chord(p, q, lift)
+
+    return Domain(_regions(cleaned), chord, np.ones(2), size, exact, gap)
+
+
+def _closed_planar(loop: Loop, size: float, lift: FloatArray) -> tuple[Loop, float]:
+    """Loop without zero arcs, its joints closed and straight joints merged."""
+    weld = 1e-7 * size
+    loop = [a for a in loop if np.ptp(a.samples, axis=0).max() > weld]
+    if not loop:
+        return [], 0.0
+    gap = 0.0
+    for k, arc in enumerate(loop):
+        before = loop[k - 1]
+        opening = float(np.linalg.norm(before.end - arc.start))
+        gap = max(gap, opening)
+        if opening > 0.0 and opening <= 1e-2 * size:
+            assert isinstance(before, NetArc) and isinstance(arc, NetArc)
+            net, flat = before.net.copy(), before.flat.copy()
+            net[3], flat[3] = arc.net[0], arc.flat[0]
+            loop[k - 1] = NetArc(net, flat, before.edge, before.straight, before.exact)
+        elif opening > 1e-2 * size:
+            raise GeometryError(f"the boundary is open by {opening:.3g} file units")
+    if len(loop) > 3:
+        loop = _merged_straight(loop, lift, weld)
+    return loop, gap
+
+
+def _merged_straight(loop: Loop, lift: FloatArray, weld: float) -> Loop:
+    """Straight arcs that continue one another joined into one."""
+    out: Loop = []
+    n = len(loop)
+    # Start behind a true corner, so that no straight run wraps around.
+    first = next((k for k in range(n) if not _continues(loop[k - 1], loop[k], weld)), 0)
+    for k in range(n):
+        arc = loop[(first + k) % n]
+        if out and _continues(out[-1], arc, weld):
+            longer = max(out[-1], arc, key=lambda a: float(np.linalg.norm(a.end - a.start)))
+            joined = flat_chord(out[-1].start, arc.end, lift)
+            joined.edge = longer.edge
+            out[-1] = joined
+        else:
+            out.append(arc)
+    return out if len(out) > 2 else loop
+
+
+def _continues(a: Arc, b: Arc, weld: float) -> bool:
+    if not (a.straight and b.straight):
+        return False
+    d, e = a.end - a.start, b.end - b.start
+    length = float(np.linalg.norm(d) + np.linalg.norm(e))
+    return abs(d[0] * e[1] - d[1] * e[0]) <= weld * length * 1e-2 and float(d @ e) > 0.0
+
+
+def angle_half(surface: Surface, p: FloatArray, q: FloatArray) -> float:
+    """Half of the largest angle a straight line in (u, v) turns around a circle [rad]."""
+    angles = [abs(float(q[k] - p[k])) for k in (0, 1) if surface.angular[k]]
+    half = 0.5 * max(angles, default=0.0)
+    return half if 1e-9 < half < 0.3 * math.pi else 0.0
+
+
+def metric(surface: Surface, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Mean |P_u| and |P_v| over a box: scale factors that make (u, v) look like the surface."""
+    g = (np.arange(6) + 0.5) / 6
+    u, v = np.meshgrid(low[0] + g * (high[0] - low[0]), low[1] + g * (high[1] - low[1]))
+    _, pu, pv = surface.evaluate(u.ravel(), v.ravel())
+    out = np.array([np.linalg.norm(pu, axis=-1).mean(), np.linalg.norm(pv, axis=-1).mean()])
+    if not (np.isfinite(out).all() and (out > 0.0).all()):
+        raise GeometryError("the surface is degenerate over the whole face")
+    return out
+
+
+def unwrapped(face: RawFace, surface: Surface) -> list[list[tuple[EdgeUse, FloatArray]]]:
+    """Edge uses with the period shift (2,) that joins each one to the one before it."""
+    out = []
+    for uses in face.loops:
+        shifted: list[tuple[EdgeUse, FloatArray]] = []
+        at: FloatArray | None = None
+        for use in uses:
+            assert use.curve is not None
+            ends = use.curve.evaluate(np.array([use.start, use.end]))
+            if use.reversed:
+                ends = ends[::-1]
+            shift = np.zeros(2)
+            if at is not None:
+                for k in (0, 1):
+                    period = surface.periods[k]
+                    if period:
+                        shift[k] = period * round(float(at[k] - ends[0, k]) / period)
+            at = ends[1] + shift
+            shifted.append((use, shift))
+        out.append(shifted)
+    return out
+
+
+def curved_domain(face: RawFace, surface: Surface) -> Domain:
+    """Loops of a face on a curved surface from its curves in (u, v)."""
+    chains = unwrapped(face, surface)
+    points = []
+    for loop in chains:
+        for use, shift in loop:
+            t = np.linspace(use.start, use.end, 9)
+            points.append(use.curve.evaluate(t) + shift)  # type: ignore[union-attr]
+    if not points:
+        raise GeometryError("the face has no boundary")
+    every = np.concatenate(points)
+    low, high = every.min(axis=0), every.max(axis=0)
+    if not (high > low).all():
+        raise GeometryError("the boundary encloses no area")
+    scale = metric(surface, low, high)
+    size = float(((high - low) * scale).max())
+
+    def chord(p: FloatArray, q: FloatArray) -> Arc:
+        return Chord(p, q, angle_half(surface, p, q), scale)
+
+    loops = []
+    for loop in chains:
+        arcs: Loop = []
+        for use, shift in loop:
+            arcs.extend(_edge_arcs(use, shift, surface, scale))
+        arcs = _closed_curved(arcs, size, chord, surface)
+        if arcs:
+            loops.append(arcs)
+    loops = _joined_wraps(loops, surface, scale, chord)
+    return Domain(_regions(_in_period(loops, surface, scale)), chord, scale, size, False, 0.0)
+
+
+def _edge_arcs(use: EdgeUse, shift: FloatArray, surface: Surface, scale: FloatArray) -> Loop:
+    curve = use.curve
+    assert curve is not None
+    if use.degenerate:
+        ends = curve.evaluate(np.array([use.start, use.end]))
+        angle = 2.0 * max(
+            (abs(float(ends[1, k] - ends[0, k])) for k in (0, 1) if surface.angular[k]), default=0.0
+        )
+        n = max(1, math.ceil(0.5 * angle / (0.5 * math.pi) - 1e-9))
+        cuts = np.linspace(use.start, use.end, n + 1)
+    else:
+        # Stations of the edge, in case its curve in (u, v) has the edge's own parameter.
+        cuts = stations(use.edge)
+        if abs(cuts[0] - use.start) + abs(cuts[-1] - use.end) > 1e-6 * abs(use.end - use.start):
+            cuts = use.start + (cuts - cuts[0]) / (cuts[-1] - cuts[0]) * (use.end - use.start)
+        if not curve.straight:
+            cuts = _turning_cuts(use, cuts)
+    space = use.edge.curve
+    circle = isinstance(space, Conic) and space.kind == "ellipse"
+    out: Loop = []
+    for a, b in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        half = 0.0
+        if circle:
+            half = 0.5 * (b - a)
+        elif curve.straight:
+            ends = curve.evaluate(np.array([a, b]))
+            half = angle_half(surface, ends[0], ends[1])
+        if use.reversed:
+            a, b = b, a
+        out.append(EdgeArc(curve, a, b, shift, half, space, use.edge.index, scale))
+    return out[::-1] if use.reversed else out
+
+
+def _turning_cuts(use: EdgeUse, cuts: FloatArray) -> FloatArray:
+    """Further cuts where the curve in (u, v) turns much more than the edge in space."""
+    extra = []
+    for a, b in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        assert use.curve is not None
+        extra.append(split_by_turning(use.curve, a, b, limit=0.6 * math.pi)[:-1])
+    return np.append(np.concatenate(extra), cuts[-1])
+
+
+def _closed_curved(
+    arcs: Loop,
+    size: float,
+    chord: Callable[[FloatArray, FloatArray], Arc],
+    surface: Surface,
+) -> Loop:
+    """Loop without zero arcs; openings (a missing pole or seam) bridged by chords."""
+    arcs = [a for a in arcs if np.ptp(a.samples, axis=0).max() > 1e-8 * size]
+    if not arcs:
+        return []
+    scale = arcs[0].scale
+    out: Loop = []
+    for k, arc in enumerate(arcs):
+        before = arcs[k - 1]
+        if k > 0:
+            opening = arc.start - before.end
+            if np.linalg.norm(opening) > 1e-4 * size:
+                out.append(chord(before.end / scale, arc.start / scale))
+        out.append(arc)
+    opening = (arcs[0].start - arcs[-1].end) / scale
+    wraps = any(p and abs(abs(opening[k]) - p) < 1e-3 * p for k, p in enumerate(surface.periods))
+    if not wraps and np.linalg.norm(opening * scale) > 1e-4 * size:
+        out.append(chord(arcs[-1].end / scale, arcs[0].start / scale))
+    return out
+
+
+def _joined_wraps(
+    loops: list[Loop],
+    surface: Surface,
+    scale: FloatArray,
+    chord: Callable[[FloatArray, FloatArray], Arc],
+) -> list[Loop]:
+    """Two loops that each run once around the surface, joined by a seam into one."""
+    wrapping, closed = [], []
+    for loop in loops:
+        step = (loop[-1].end - loop[0].start) / scale
+        around = [
+            k for k, p in enumerate(surface.periods) if p and abs(abs(step[k]) - p) < 1e-3 * p
+        ]
+        (wrapping if around else closed).append(loop)
+    if not wrapping:
+        return loops
+    if len(wrapping) != 2:
+        raise GeometryError(f"{len(wrapping)} boundary loops run around the surface")
+    a, b = wrapping
+    k = int(np.argmax(np.abs((a[-1].end - a[0].start) / scale)))
+    period = surface.periods[k] or 0.0
+    target, source = a[-1].end / scale, b[0].start / scale
+    turns = np.zeros(2)
+    turns[k] = period * round(float(target[k] - source[k]) / period)
+    b = [_shifted(arc, turns) for arc in b]
+    joined = [*a, chord(a[-1].end / scale, b[0].start / scale), *b]
+    joined.append(chord(b[-1].end / scale, a[0].start / scale))
+    return [joined, *closed]
+
+
+def _shifted(arc: Arc, by: FloatArray) -> Arc:
+    if isinstance(arc, EdgeArc):
+        return EdgeArc(
+            arc.curve, arc.a, arc.b, arc.shift + by, arc.half, arc.space_curve, arc.edge, arc.scale
+        )
+    assert isinstance(arc, Chord)
+    return Chord(arc.p + by, arc.q + by, arc.half, arc.scale, arc.edge)
+
+
+def outline(loop: Loop) -> FloatArray:
+    """Closed polygon (n, 2) of a loop in scaled coordinates."""
+    return np.concatenate([a.samples[:-1] for a in loop])
+
+
+def _in_period(loops: list[Loop], surface: Surface, scale: FloatArray) -> list[Loop]:
+    """Inner loops moved by whole periods into the box of the outer one."""
+    if len(loops) < 2 or not any(surface.periods):
+        return loops
+    areas = [abs(signed_area(outline(loop))) for loop in loops]
+    outer = outline(loops[int(np.argmax(areas))]) / scale
+    middle = 0.5 * (outer.min(axis=0) + outer.max(axis=0))
+    out = []
+    for loop in loops:
+        points = outline(loop) / scale
+        center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        by = np.zeros(2)
+        for k in (0, 1):
+            period = surface.periods[k]
+            if period:
+                by[k] = period * round(float(middle[k] - center[k]) / period)
+        out.append([_shifted(arc, by) for arc in loop] if by.any() else loop)
+    return out
+
+
+def _regions(loops: list[Loop]) -> list[list[Loop]]:
+    """Loops grouped: each counter-clockwise loop with the clockwise ones inside it."""
+    if not loops:
+        raise GeometryError("the face has no boundary of any length")
+    areas = np.array([signed_area(outline(loop)) for loop in loops])
+    biggest = int(np.argmax(np.abs(areas)))
+    if areas[biggest] == 0.0 or abs(areas[biggest]) < 1e-14 * _extent(loops[biggest]) ** 2:
+        raise GeometryError("the boundary encloses no area")
+    if areas[biggest] < 0.0:
+        loops = [[a.reversed() for a in loop[::-1]] for loop in loops]
+        areas = -areas
+    keep = np.abs(areas) > 1e-12 * areas[biggest]
+    outer = [k for k in np.argsort(-areas) if areas[k] > 0.0 and keep[k]]
+    if len(outer) > 1:
+        # A second loop of the same sense inside the outer one is a hole drawn the wrong way round.
+        border = outline(loops[biggest])
+        for k in list(outer[1:]):
+            if inside(border, outline(loops[k])[:1])[0]:
+                loops[k] = [a.reversed() for a in loops[k][::-1]]
+                areas[k] = -areas[k]
+                outer.remove(k)
+    regions = {int(k): [loops[k]] for k in outer}
+    for k in range(len(loops)):
+        if areas[k] >= 0.0 or not keep[k]:
+            continue
+        point = outline(loops[k])[:1]
+        home = biggest
+        if len(outer) > 1:
+            home = next(
+                (int(m) for m in outer[::-1] if inside(outline(loops[m]), point)[0]), biggest
+            )
+        regions[home].append(loops[k])
+    return list(regions.values())
+
+
+def _extent(loop: Loop) -> float:
+    return float(np.ptp(outline(loop), axis=0).max())

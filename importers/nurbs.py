@@ -1,0 +1,129 @@
+"""B-splines as arrays of Bézier pieces: extraction by blossoming and vectorised evaluation.
+
+Coefficients are homogeneous (w x, …, w). A parameter outside the knots is evaluated with the
+first or last piece: curves on a surface often overshoot its domain a little, and the polynomial
+continuation is what the CAD kernel does as well.
+
+References
+----------
+.. [1] G. Farin, "Curves and Surfaces for CAGD", 5th ed., Morgan Kaufmann, 2002, ch. 5, 8 and 13.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from math import comb
+
+import numpy as np
+from numpy.typing import ArrayLike
+from patchlight.solver.model.arrays import FloatArray, IntArray
+
+
+def bezier_pieces(
+    knots: FloatArray, degree: int, poles: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Bézier pieces of a B-spline in the first axis of ``poles``.
+
+    Parameters
+    ----------
+    knots : (n + degree + 1,) array
+        Flat knot vector.
+    poles : (n, ...) array
+        Homogeneous poles.
+
+    Returns
+    -------
+    breaks : (m + 1,) array
+        Distinct knots of the domain.
+    pieces : (m, degree + 1, ...) array
+        Coefficients of each piece; coefficient k is the blossom at k times the end and
+        degree − k times the start of the span [1, sec. 8.3].
+    """
+    n = len(poles)
+    spans = [i for i in range(degree, n) if knots[i + 1] > knots[i]]
+    index = np.array(spans)
+    a, b = knots[index], knots[index + 1]
+    extra = (1,) * (poles.ndim - 1)
+    out = np.empty((len(index), degree + 1, *poles.shape[1:]))
+    for k in range(degree + 1):
+        level = poles[index[:, None] + np.arange(-degree, 1)]
+        for r in range(1, degree + 1):
+            x = b if r <= k else a
+            j = index[:, None] + np.arange(-degree + r, 1)
+            low, high = knots[j], knots[j + degree - r + 1]
+            alpha = ((x[:, None] - low) / (high - low)).reshape(*j.shape, *extra)
+            level = (1.0 - alpha) * level[:, :-1] + alpha * level[:, 1:]
+        out[:, k] = level[:, 0]
+    return np.append(a, b[-1]), out
+
+
+@cache
+def elevation(degree: int) -> FloatArray:
+    """(4, degree + 1) matrix that raises Bézier coefficients of ``degree`` <= 3 to degree 3."""
+    m = np.eye(degree + 1)
+    for p in range(degree, 3):
+        up = np.zeros((p + 2, p + 1))
+        for i in range(p + 2):
+            if i > 0:
+                up[i, i - 1] = i / (p + 1)
+            if i <= p:
+                up[i, i] = 1.0 - i / (p + 1)
+        m = up @ m
+    return m
+
+
+@cache
+def _binomials(degree: int) -> FloatArray:
+    return np.array([comb(degree, i) for i in range(degree + 1)], dtype=np.float64)
+
+
+def bernstein_basis(degree: int, t: FloatArray) -> FloatArray:
+    """Bernstein polynomials (..., degree + 1) at ``t`` (...,). [1, eq. 5.1]"""
+    i = np.arange(degree + 1)
+    t = t[..., None]
+    return np.asarray(_binomials(degree) * t**i * (1.0 - t) ** (degree - i))
+
+
+def bernstein_slope(degree: int, t: FloatArray) -> FloatArray:
+    """Derivatives (..., degree + 1) of the Bernstein polynomials at ``t`` (...,)."""
+    out = np.zeros((*t.shape, degree + 1))
+    if degree > 0:
+        lower = bernstein_basis(degree - 1, t)
+        out[..., 1:] = degree * lower
+        out[..., :-1] -= degree * lower
+    return out
+
+
+def locate(breaks: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Piece, local parameter and length of the piece for each ``t`` (...,)."""
+    piece = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
+    length = breaks[piece + 1] - breaks[piece]
+    return piece, (t - breaks[piece]) / length, length
+
+
+def wrap(t: ArrayLike, start: float, period: float | None) -> FloatArray:
+    """``t`` moved by whole periods to [start, start + period]; unchanged without a period."""
+    t = np.asarray(t, dtype=np.float64)
+    if period is None:
+        return t
+    turns = np.floor((t - start) / period)
+    moved = t - turns * period
+    # A value just below the start must not jump to the far end, nor an end back to the start.
+    near_end = np.abs(t - (start + period)) <= 1e-9 * period
+    near_start = np.abs(t - start) <= 1e-9 * period
+    return np.where(near_end | near_start, t, moved)
+
+
+def restricted(pieces: FloatArray, a: float, b: float) -> FloatArray:
+    """Bézier coefficients (degree + 1, ...) of one piece on its local interval [a, b].
+
+    Coefficient k is the blossom with k arguments ``b`` and the others ``a`` [1, sec. 5.3].
+    """
+    degree = len(pieces) - 1
+    out = np.empty_like(pieces)
+    for k in range(degree + 1):
+        level = pieces
+        for t in [b] * k + [a] * (degree - k):
+            level = (1.0 - t) * level[:-1] + t * level[1:]
+        out[k] = level[0]
+    return out

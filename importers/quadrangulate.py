@@ -1,0 +1,322 @@
+"""Regions of the (u, v) domain cut into few well-shaped four-sided cells.
+
+A region with three or four corners is one cell and a smooth disc five; anything else goes through
+a constrained Delaunay triangulation whose triangles are paired, fewest partners first. A triangle
+left over is a cell with one collapsed side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from patchlight.solver.errors import GeometryError
+from patchlight.solver.model.arrays import FloatArray
+
+from .arcs import Arc
+from .cells import Cell, quality, samples_of, side_samples
+from .triangulate import crossings, inside, triangulate
+
+ChordMaker = Callable[[FloatArray, FloatArray], Arc]
+Loop = list[Arc]
+
+GOOD = 0.2
+PAIRED = 0.1
+THIN = 0.02
+SMOOTH = math.cos(math.radians(20.0))
+MOST_CELLS = 5000
+
+
+def corner_turns(loop: Loop) -> FloatArray:
+    """Exterior angle at the start of each arc [rad], positive at convex corners."""
+    d = [a.directions() for a in loop]
+    out = []
+    for k in range(len(loop)):
+        e, s = d[k - 1][1], d[k][0]
+        out.append(math.atan2(e[0] * s[1] - e[1] * s[0], float(e @ s)))
+    return np.array(out)
+
+
+def cells_of(loops: list[Loop], chord: ChordMaker, *, planar: bool) -> list[Cell]:
+    """Cells of one region (outer loop counter-clockwise, then holes).
+
+    Raises
+    ------
+    GeometryError
+        If no valid decomposition is found; the message is the reason for the certificate.
+    """
+    if len(loops) == 1:
+        simple = _simple(loops[0], chord)
+        if simple is not None:
+            return simple
+    return _general(loops, chord, planar)
+
+
+def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
+    if len(loop) == 1:
+        a, b = loop[0].halves()
+        loop = [*a.halves(), *b.halves()]
+    elif len(loop) == 2:
+        turns = corner_turns(loop)
+        if turns.min() > math.radians(30.0):
+            cell = Cell((loop[0], None, loop[1], None))
+            if quality([samples_of(cell)])[0] > THIN:
+                return [cell]
+        loop = [*loop[0].halves(), *loop[1].halves()]
+    turns = corner_turns(loop)
+    if len(loop) == 3 and (turns > math.radians(15.0)).all():
+        cell, best = _triangle(loop)
+        if best > PAIRED:
+            return [cell]
+    if len(loop) == 4 and (turns > math.radians(25.0)).all():
+        cell = Cell((loop[0], loop[1], loop[2], loop[3]))
+        if quality([samples_of(cell)])[0] > GOOD:
+            return [cell]
+    if 4 <= len(loop) <= 8 and (np.abs(turns) < math.radians(30.0)).all():
+        return _disc(loop, chord)
+    return None
+
+
+def _triangle(arcs: list[Arc]) -> tuple[Cell, float]:
+    """The best of the three ways to collapse a side, and its quality."""
+    options = []
+    for k in range(3):
+        a, b, c = arcs[k], arcs[(k + 1) % 3], arcs[(k + 2) % 3]
+        options.append(Cell((a, b, None, c)))
+    q = quality([samples_of(o) for o in options])
+    best = int(np.argmax(q))
+    return options[best], float(q[best])
+
+
+def _disc(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
+    """A core and a ring of cells around it."""
+    if len(loop) % 2:
+        longest = max(range(len(loop)), key=lambda k: np.linalg.norm(loop[k].end - loop[k].start))
+        loop = [*loop[:longest], *loop[longest].halves(), *loop[longest + 1 :]]
+    outline = np.concatenate([a.samples[:-1] for a in loop])
+    center = outline.mean(axis=0)
+    scale = loop[0].scale
+    inner = [(center + 0.5 * (a.start - center)) / scale for a in loop]
+    n = len(loop)
+    spokes = [chord(loop[k].start / scale, inner[k]) for k in range(n)]
+    rim = [chord(inner[k], inner[(k + 1) % n]) for k in range(n)]
+    cells = [
+        Cell((loop[k], spokes[(k + 1) % n], rim[k].reversed(), spokes[k].reversed()))
+        for k in range(n)
+    ]
+    previous = rim[0]
+    for k in range(1, n - 2, 2):
+        closing = rim[n - 1] if k == n - 3 else chord(inner[k + 2], inner[0])
+        cells.append(Cell((previous, rim[k], rim[k + 1], closing)))
+        previous = closing.reversed()
+    if quality([samples_of(c) for c in cells]).min() < PAIRED:
+        return None
+    return cells
+
+
+def _halve(loops: list[Loop], bad: set[int]) -> list[Loop]:
+    """Loops with the arcs of the given identities cut in two."""
+    out = []
+    for loop in loops:
+        new: Loop = []
+        for arc in loop:
+            new.extend(arc.halves() if id(arc) in bad else [arc])
+        out.append(new)
+    return out
+
+
+def _offenders(loops: list[Loop]) -> set[int]:
+    """Curved arcs whose chord crosses another chord or has a foreign vertex between."""
+    arcs = [a for loop in loops for a in loop]
+    p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
+    hit = crossings(p, q)
+    bad = {id(a) for a, h in zip(arcs, hit, strict=True) if h and not a.straight}
+    for arc in arcs:
+        if arc.straight:
+            continue
+        low, high = arc.samples.min(axis=0), arc.samples.max(axis=0)
+        near = ((p >= low) & (p <= high)).all(axis=1)
+        size = float(np.abs(high - low).max())
+        near &= np.abs(p - arc.start).max(axis=1) > 1e-7 * size
+        near &= np.abs(p - arc.end).max(axis=1) > 1e-7 * size
+        if near.any() and inside(arc.samples, p[near]).any():
+            bad.add(id(arc))
+    return bad
+
+
+def _with_sectors(loops: list[Loop], chord: ChordMaker) -> tuple[list[Loop], list[Cell]]:
+    """Cut circular sectors off round corners: a smooth joint must not be a cell's corner."""
+    cells: list[Cell] = []
+    out: list[Loop] = []
+    for loop in loops:
+        turns = corner_turns(loop)
+        new: Loop = []
+        n = len(loop)
+        for k, arc in enumerate(loop):
+            joints = (abs(turns[k]), abs(turns[(k + 1) % n]))
+            center = None if arc.straight or min(joints) > 0.35 else _center(arc)
+            if center is None:
+                new.append(arc)
+                continue
+            a, b = arc.start / arc.scale, arc.end / arc.scale
+            c = center / arc.scale
+            to, back = chord(a, c), chord(c, b)
+            cells.append(Cell((arc, back.reversed(), None, to.reversed())))
+            # Two sectors about one centre share a radius, which is then no boundary any more.
+            if new and _same(new[-1].start, center, arc) and _same(new[-1].end, arc.start, arc):
+                new[-1] = back
+            else:
+                new += [to, back]
+        if len(new) > 2 and _same(new[0].end, new[-1].start, new[0]):
+            same_way = _same(new[0].start, new[-1].end, new[0])
+            if same_way and new[0].edge < 0 and new[-1].edge < 0:
+                new = new[1:-1]
+        out.append(new)
+    return out, cells
+
+
+def _same(p: FloatArray, q: FloatArray, arc: Arc) -> bool:
+    size = float(np.abs(arc.end - arc.start).max())
+    return bool(np.abs(p - q).max() < 1e-6 * max(size, 1e-12))
+
+
+def _center(arc: Arc) -> FloatArray | None:
+    """Centre of a convex arc that turns 40 to 100 degrees and is nearly circular, else None."""
+    d0, d1 = arc.directions()
+    turn = math.atan2(d0[0] * d1[1] - d0[1] * d1[0], float(d0 @ d1))
+    if not 0.7 < turn < 1.75:
+        return None
+    radius = 0.5 * float(np.linalg.norm(arc.end - arc.start)) / math.sin(0.5 * turn)
+    center = arc.start + radius * np.array([-d0[1], d0[0]])
+    distance = np.linalg.norm(arc.samples - center, axis=1)
+    return center if np.abs(distance - radius).max() < 0.02 * radius else None
+
+
+def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
+    reason = ""
+    tries = (True, False) if planar else (False,)
+    for sectors in tries:
+        current: list[Loop] = loops
+        for _ in range(7):
+            for _ in range(6):
+                bad = _offenders(current)
+                if not bad:
+                    break
+                current = _halve(current, bad)
+            cut, extra = _with_sectors(current, chord) if sectors else (current, [])
+            if sectors and not extra:
+                break
+            cut = [loop for loop in cut if len(loop) > 2]
+            if not cut:
+                return extra
+            if sectors and not _clean(cut):
+                break
+            cells, worst, reason = _paired(cut, chord)
+            if cells is not None and not worst:
+                return extra + cells
+            if cells is None:
+                curved = {id(a) for loop in current for a in loop if not a.straight}
+                worst = curved or {id(a) for loop in current for a in loop}
+            known = {id(a) for loop in current for a in loop}
+            if not (worst & known):
+                if cells is not None and not sectors:
+                    return extra + cells
+                break
+            if sum(len(loop) for loop in current) > MOST_CELLS:
+                break
+            current = _halve(current, worst & known)
+    raise GeometryError(reason or "no valid decomposition into four-sided cells")
+
+
+def _clean(loops: list[Loop]) -> bool:
+    arcs = [a for loop in loops for a in loop]
+    p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
+    return not crossings(p, q).any()
+
+
+def _paired(loops: list[Loop], chord: ChordMaker) -> tuple[list[Cell] | None, set[int], str]:
+    """Cells of a triangulation, identities of the arcs to halve, and why it failed."""
+    vertices = [np.array([a.start for a in loop]) for loop in loops]
+    triangles = triangulate(vertices)
+    if triangles is None:
+        return None, set(), "the boundary touches or crosses itself"
+    arcs: dict[tuple[int, int], Arc] = {}
+    base = 0
+    for loop in loops:
+        n = len(loop)
+        for k, arc in enumerate(loop):
+            arcs[base + k, base + (k + 1) % n] = arc
+        base += n
+    points = np.concatenate(vertices)
+    scale = loops[0][0].scale
+
+    def side(a: int, b: int) -> Arc:
+        found = arcs.get((a, b))
+        if found is None:
+            found = chord(points[a] / scale, points[b] / scale)
+            arcs[a, b] = found
+            arcs[b, a] = found.reversed()
+        return found
+
+    owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(triangles) for k in range(3)}
+    pairs: list[tuple[int, int]] = []
+    quads: list[tuple[int, int, int, int]] = []
+    for (a, b), i in owner.items():
+        j = owner.get((b, a))
+        if j is None or i > j:
+            continue
+        c = next(x for x in triangles[i] if x not in (a, b))
+        d = next(x for x in triangles[j] if x not in (a, b))
+        pairs.append((i, j))
+        quads.append((a, d, b, c))
+    sides = [tuple(side(q[k], q[(k + 1) % 4]) for k in range(4)) for q in quads]
+    q = quality([tuple(side_samples(s) for s in four) for four in sides])  # type: ignore[misc]
+    chosen = _match(len(triangles), pairs, q)
+    cells = [Cell(sides[k]) for k in chosen]  # type: ignore[arg-type]
+    used = {t for k in chosen for t in pairs[k]}
+    worst: set[int] = set()
+    for i, t in enumerate(triangles):
+        if i in used:
+            continue
+        three = [side(t[k], t[(k + 1) % 3]) for k in range(3)]
+        cell, best = _triangle(three)
+        if best < THIN:
+            curved = [id(a) for a in three if not a.straight]
+            worst.update(curved)
+        cells.append(cell)
+    return cells, worst, ""
+
+
+def _match(count: int, pairs: list[tuple[int, int]], q: FloatArray) -> list[int]:
+    """Greedy matching of triangles, those with the fewest partners first, best shape first."""
+    options: list[list[int]] = [[] for _ in range(count)]
+    for k, (i, j) in enumerate(pairs):
+        if q[k] > PAIRED:
+            options[i].append(k)
+            options[j].append(k)
+    free = [True] * count
+    degree = [len(o) for o in options]
+    chosen = []
+    import heapq
+
+    heap = [(d, i) for i, d in enumerate(degree) if d]
+    heapq.heapify(heap)
+    while heap:
+        d, i = heapq.heappop(heap)
+        if not free[i] or d != degree[i]:
+            continue
+        live = [k for k in options[i] if free[pairs[k][0]] and free[pairs[k][1]]]
+        if not live:
+            continue
+        partner = {k: pairs[k][1] if pairs[k][0] == i else pairs[k][0] for k in live}
+        best = min(live, key=lambda k: (degree[partner[k]] > 1, -q[k]))
+        chosen.append(best)
+        for t in pairs[best]:
+            free[t] = False
+            for k in options[t]:
+                for other in pairs[k]:
+                    if free[other]:
+                        degree[other] -= 1
+                        heapq.heappush(heap, (degree[other], other))
+    return chosen
