@@ -1,1 +1,47 @@
-"""Patchlight reports."""
+"""Patchlight reports: every file of an output folder, from a `Result`.
+
+Importing this package loads no plotting, rendering or template library; the functions below load
+what they need when called.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .batch import write_batch_summary
+    from .metrics import RequirementResult, evaluate_requirements
+    from .status import pdf_status, rendering_status
+    from .writer import write_report, write_run
+
+__all__ = [
+    "RequirementResult",
+    "evaluate_requirements",
+    "pdf_status",
+    "rendering_status",
+    "write_batch_summary",
+    "write_report",
+    "write_run",
+]
+
+_HOME = {
+    "RequirementResult": "metrics",
+    "evaluate_requirements": "metrics",
+    "pdf_status": "status",
+    "rendering_status": "status",
+    "write_batch_summary": "batch",
+    "write_report": "writer",
+    "write_run": "writer",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,139 @@
+"""Numbers and units as people read them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+#: Shown instead of a number that does not exist.
+MISSING = "–"
+#: Thin, unbreakable: digit groups must not fall apart at the end of a line.
+_GROUP = "\u202f"
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """``value`` with ``digits`` significant digits, without exponent between 1e-4 and 1e9."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(value)))
+    if magnitude >= 9 or magnitude < -4:
+        return scientific(value, digits)
+    decimals = digits - 1 - magnitude
+    rounded = round(value, decimals)
+    if abs(rounded) >= 10.0 ** (magnitude + 1):  # 9.996 becomes 10.0, not 10.00
+        decimals -= 1
+    return grouped(rounded, max(decimals, 0))
+
+
+def grouped(value: float, decimals: int) -> str:
+    """Fixed ``decimals`` with groups of three digits from 10 000 on."""
+    text = f"{value:,.{decimals}f}" if abs(value) >= 9999.5 else f"{value:.{decimals}f}"
+    if float(text.replace(",", "")) == 0.0:
+        text = text.lstrip("-")
+    return text.replace(",", _GROUP).replace("-", "−")
+
+
+def scientific(value: float | None, digits: int = 2) -> str:
+    """``1.2·10⁻⁵``."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa.replace('-', '−')}·10{power}"
+
+
+def with_error(value: float | None, error: float | None, *, digits: int = 4) -> str:
+    """``512 ± 5``: the error with one or two digits, the value down to the same place."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if error is None or not math.isfinite(error):
+        return number(value, digits)
+    scale = max(abs(value), abs(error))
+    if error <= 1e-6 * scale:
+        return number(value, digits)
+    magnitude = math.floor(math.log10(error))
+    leading = error / 10.0**magnitude
+    decimals = -magnitude + (1 if leading < 2.95 else 0)
+    if decimals <= 0:
+        step = 10.0**-decimals
+        value, error = round(value / step) * step, math.ceil(error / step - 1e-9) * step
+    else:
+        error = math.ceil(error * 10.0**decimals - 1e-9) / 10.0**decimals
+    decimals = max(decimals, 0)
+    return f"{grouped(value, decimals)} ± {grouped(error, decimals)}"
+
+
+def percent(value: float | None, digits: int = 2) -> str:
+    """A fraction as per cent with ``digits`` significant digits."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return f"{number(100.0 * value, digits)} %"
+
+
+def count(value: float) -> str:
+    """A whole number with digit groups."""
+    return grouped(float(value), 0)
+
+
+def length(metres: float | None) -> str:
+    """A length in the unit that suits it."""
+    if metres is None or not math.isfinite(metres):
+        return MISSING
+    if metres == 0.0:
+        return "0"
+    for factor, unit in ((1.0, "m"), (1e3, "mm"), (1e6, "µm"), (1e9, "nm")):
+        if abs(metres) * factor >= 1.0 or unit == "nm":
+            return f"{number(metres * factor, 3)} {unit}"
+    return MISSING
+
+
+def seconds(value: float | None) -> str:
+    """A duration."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value < 1.0:
+        return f"{number(1e3 * value, 2)} ms"
+    if value < 120.0:
+        return f"{number(value, 3)} s"
+    minutes, rest = divmod(round(value), 60)
+    if minutes < 120:
+        return f"{minutes} min {rest:02d} s"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def srgb_hex(linear: Any) -> str:
+    """``#rrggbb`` of a linear sRGB colour (3,), clipped. [IEC 61966-2-1]"""
+    c = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
+    encoded = srgb_encode(c)
+    return "#" + "".join(f"{round(255.0 * float(x)):02x}" for x in encoded)
+
+
+def srgb_encode(linear: Any) -> Any:
+    """Linear values in [0, 1] to the sRGB transfer curve. [IEC 61966-2-1]"""
+    c = np.asarray(linear, dtype=np.float64)
+    return np.where(c <= 0.0031308, 12.92 * c, 1.055 * np.maximum(c, 1e-12) ** (1 / 2.4) - 0.055)
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON can hold it: NumPy types unpacked, NaN and infinities as null."""
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if hasattr(value, "isoformat"):
+        return value.isoformat()
+    return str(value)
