@@ -12,6 +12,8 @@ from .model.optics import LUMINANCE_WEIGHTS
 
 #: Below it light is Planckian, from it on CIE daylight. [K]
 DAYLIGHT_FROM_K = 4000.0
+#: Second radiation constant, CODATA 2018. [m K]
+_C2 = 1.438776877e-2
 
 
 def cct_to_rgb(cct_k: float) -> FloatArray:
@@ -40,7 +42,10 @@ def _rgb(cct_k: float) -> FloatArray:
 
     if cct_k < DAYLIGHT_FROM_K:
         observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-        xyz = colour.planck_law(observer.wavelengths * 1e-9, cct_k) @ observer.values
+        xyz = (
+            colour.colorimetry.planck_law(observer.wavelengths * 1e-9, cct_k, c2=_C2)
+            @ observer.values
+        )
         x, y = xyz[:2] / xyz.sum()
     else:
         x, y = colour.temperature.CCT_to_xy_CIE_D(cct_k)
