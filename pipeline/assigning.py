@@ -164,10 +164,16 @@ def row_offsets(entries: Mapping[str, Entry]) -> tuple[dict[str, int], dict[str,
 
 
 def select(entry: Entry, part_row: int, selector: str) -> list[int]:
-    """Rows of the model's faces that a selector means, directions in scene axes."""
+    """Rows of the model's faces that a selector means.
+
+    Up, down and vertical are directions of the scene, seen from the active side; CadQuery
+    selectors see the shape as it is in its file.
+    """
     from patchlight.importers import select_faces
 
-    return list(select_faces(entry.placed, part_row, selector))
+    directions = ("up", "down", "vertical")
+    model = entry.placed if selector.strip() in directions else entry.model
+    return list(select_faces(model, part_row, selector))
 
 
 def _check_air(entries: Mapping[str, Entry], found: list[Match], assignment: Assignment) -> None:

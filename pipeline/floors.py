@@ -87,10 +87,10 @@ class PlanView:
 def floor_outline(view: PlanView, z: float) -> tuple[BaseGeometry | None, float]:
     """Plan and height of the floor that a plane at height ``z`` looks down on.
 
-    Flat faces of one height that touch are one floor, cut where a solid reaches through ``z`` (walls
-    and columns standing on it). Of all floors below ``z`` the one of which most is visible from
-    ``z`` is taken: higher floors hide lower ones, so that the storey of ``z`` is found. Furniture
-    below ``z`` leaves the outline as it is.
+    Flat faces of one height that touch are one floor, cut where a solid reaches through ``z``
+    (walls and columns standing on it). Of all floors below ``z`` the one of which most is visible
+    from ``z`` is taken: higher floors hide lower ones, so that the storey of ``z`` is found.
+    Furniture below ``z`` leaves the outline as it is.
 
     Returns
     -------

@@ -20,6 +20,7 @@ from patchlight.solver.model import (
     Source,
     Sun,
 )
+from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.sky import direction
 
 from .assigning import full_path
@@ -38,8 +39,8 @@ def frozen_scene(scene: Scene) -> SceneData:
     if not scene.entries:
         raise InputError("the scene is empty: add a model or patches")
     slots = filled_slots(scene)
-    parts, faces = _part_table(scene, slots)
-    patches = _patches(scene, slots)
+    parts, faces = _part_table(scene)
+    patches = _patches(scene)
     kinds = np.array([p.kind for p in parts])[patches.part_index]
     two_sided = kinds == "sheet"
     material_index = slots.material[patches.face_index]
@@ -76,14 +77,14 @@ def frozen_scene(scene: Scene) -> SceneData:
     return dataclasses.replace(data, notes=(*scene.notes, *grid_notes, *scene_notes(scene, data)))
 
 
-def _part_table(scene: Scene, slots: Slots) -> tuple[tuple[ScenePart, ...], tuple[SceneFace, ...]]:
+def _part_table(scene: Scene) -> tuple[tuple[ScenePart, ...], tuple[SceneFace, ...]]:
     parts: list[ScenePart] = []
     faces: list[SceneFace] = []
     for entry in scene.entries.values():
         offset = len(parts)
         for k, part in enumerate(entry.model.parts):
             kind = part.kind if entry.kind == "cad" else entry.kind
-            if slots.air[offset + k]:
+            if k in entry.air:
                 kind = "air"
             parts.append(ScenePart(full_path(entry, part), entry.name, kind, part.color))
         faces.extend(
@@ -96,7 +97,7 @@ def _part_table(scene: Scene, slots: Slots) -> tuple[tuple[ScenePart, ...], tupl
     return tuple(parts), tuple(faces)
 
 
-def _patches(scene: Scene, slots: Slots) -> PatchSet:
+def _patches(scene: Scene) -> PatchSet:
     """All patches in world axes, rows of parts and faces counted through the scene."""
     sets: list[PatchSet] = []
     part_offset = face_offset = 0
@@ -115,16 +116,6 @@ def _patches(scene: Scene, slots: Slots) -> PatchSet:
     patches = PatchSet.concatenated(*sets)
     if len(patches) == 0:
         raise GeometryError("the scene has no faces that could carry light")
-    # The room's own volume: light lives inside, so +normals turn inwards.
-    air = slots.air[patches.part_index]
-    if air.any():
-        turned = patches.flipped()
-        patches = PatchSet(
-            np.where(air[:, None, None, None], turned.control_points, patches.control_points),
-            patches.face_index,
-            patches.part_index,
-            np.where(air[:, None], turned.edge_index, patches.edge_index),
-        )
     return patches
 
 
@@ -195,8 +186,13 @@ def _check_sun(sky: CIESky | None, sun: Sun | None) -> None:
 def _turned_camera(scene: Scene, camera: Camera) -> Camera:
     ends = transformed_points(scene.north, np.array([camera.eye, camera.target], dtype=float))
     up = transformed_normals(scene.north, np.asarray(camera.up, dtype=float))
-    eye, target, up_axis = (tuple(float(x) for x in v) for v in (*ends, up))
-    return dataclasses.replace(camera, eye=eye, target=target, up=up_axis)
+    return dataclasses.replace(
+        camera, eye=_triple(ends[0]), target=_triple(ends[1]), up=_triple(up)
+    )
+
+
+def _triple(vector: FloatArray) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])
 
 
 def _sources(scene: Scene) -> tuple[Source, ...]:

@@ -181,7 +181,7 @@ def resolved_sensors(scene: Scene, data: SceneData) -> tuple[tuple[Sensors, ...]
         if isinstance(rule, Sensors):
             sensors = rule
         else:
-            view = view or PlanView.of(data, np.linalg.inv(scene.north))
+            view = view or PlanView.of(data, scene.north.T)
             if isinstance(rule, PlaneRule):
                 sensors, more = sensors_on_plane(name, rule, scene, view)
                 notes += more

@@ -18,7 +18,10 @@ def model_of_patches(patches: PatchSet, name: str) -> Model:
         for k in range(len(values))
     )
     one_part = PatchSet(
-        patches.control_points, face_index, np.zeros(len(patches)), patches.edge_index
+        patches.control_points,
+        face_index,
+        np.zeros(len(patches), dtype=np.int64),
+        patches.edge_index,
     )
     return Model(
         name=name,

@@ -73,47 +73,15 @@ def _light(data: SceneData) -> list[str]:
 
 
 def _places(data: SceneData) -> list[str]:
-    """Lamps, cameras and sensors that are inside a solid, and sensors below everything."""
-    from patchlight.solver.containment import inside_solids
-
-    notes = []
+    """Sensors below everything."""
     low, high = data.patches.bounds()
-    size = float(np.linalg.norm(high - low))
-    points, owner = _lamp_points(data, 1e-5 * size)
-    if len(points):
-        inside = np.asarray(inside_solids(data, points), dtype=bool)
-        for k, lamp in enumerate(data.luminaires):
-            mine = owner == k
-            if mine.any() and inside[mine].all():
-                notes.append(f"lamp {lamp.part} is inside a solid: its light goes nowhere")
-    if data.cameras:
-        eyes = np.array([c.eye for c in data.cameras], dtype=float)
-        for camera, inside_ in zip(data.cameras, inside_solids(data, eyes), strict=True):
-            if inside_:
-                notes.append(f"camera {camera.name} is inside a solid: its picture is dark")
+    slack = 1e-9 * float(np.linalg.norm(high - low))
+    notes = []
     for sensors in data.sensors:
-        count = int(np.sum(inside_solids(data, sensors.points)))
-        if count:
-            notes.append(f"sensors {sensors.name}: {count} of {len(sensors)} are inside a solid")
-        below = int(np.sum(sensors.points[:, 2] < low[2] - 1e-9 * size))
+        below = int(np.sum(sensors.points[:, 2] < low[2] - slack))
         if below:
             notes.append(
                 f"sensors {sensors.name}: {below} of {len(sensors)} are below the whole model, "
                 f"whose lowest point is z = {low[2]:.3g} m"
             )
     return notes
-
-
-def _lamp_points(data: SceneData, lift: float) -> tuple[np.ndarray, np.ndarray]:
-    """A point just in front of every emitting patch side, and the luminaire it belongs to."""
-    points, owner = [], []
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        rows = np.flatnonzero(data.luminaire_index[:, side] >= 0)
-        if len(rows):
-            patches = data.patches.take(rows)
-            normal = np.nan_to_num(patches.normals(0.5, 0.5))
-            points.append(patches.evaluate(0.5, 0.5) + sign * lift * normal)
-            owner.append(data.luminaire_index[rows, side])
-    if not points:
-        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
-    return np.concatenate(points), np.concatenate(owner)

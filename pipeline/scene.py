@@ -53,8 +53,10 @@ class Entry:
         Whether the user chose the name; patterns then have to start with it.
     scale : float
         Factor already in the model's coordinates, for the record.
+    air : set of int
+        Rows of parts that are the air of a room.
     placed : Model
-        The model in scene coordinates.
+        The model in scene coordinates, +normals towards the active side.
     face_rows : tuple of lists
         Rows of the model's faces, by part.
     """
@@ -65,6 +67,7 @@ class Entry:
     kind: str = "cad"
     given_name: bool = True
     scale: float = 1.0
+    air: set[int] = field(default_factory=set)
     placed: Model = field(init=False)
     face_rows: tuple[list[int], ...] = field(init=False)
 
@@ -72,9 +75,26 @@ class Entry:
         self.face_rows = tuple([] for _ in self.model.parts)
         for row, face in enumerate(self.model.faces):
             self.face_rows[face.part].append(row)
-        self.placed = dataclasses.replace(
-            self.model, patches=self.model.patches.moved(self.placement)
-        )
+        self._place()
+
+    def declare_air(self, part: int) -> None:
+        """Turn a solid inside out: the light is in its volume."""
+        if part not in self.air:
+            self.air.add(part)
+            self._place()
+
+    def _place(self) -> None:
+        patches = self.model.patches.moved(self.placement)
+        if self.air:
+            turned = patches.flipped()
+            air = np.isin(patches.part_index, list(self.air))
+            patches = PatchSet(
+                np.where(air[:, None, None, None], turned.control_points, patches.control_points),
+                patches.face_index,
+                patches.part_index,
+                np.where(air[:, None], turned.edge_index, patches.edge_index),
+            )
+        self.placed = dataclasses.replace(self.model, patches=patches)
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +292,8 @@ class Scene:
         self.entries[key] = Entry(key, model, old.placement, old.kind, old.given_name, old.scale)
         try:
             for assignment in self.assignments:
+                self._declare_air(assignment)
+            for assignment in self.assignments:
                 matched_faces(self.entries, assignment)
         except InputError:
             self.entries[key] = old
@@ -318,8 +340,14 @@ class Scene:
             raise InputError(f"assign {pattern!r}: {kind}: expected a Material, Emitter or Air")
         assignment = Assignment(pattern, what, faces, layer, color, frozenset(self.entries))
         count = sum(len(match.rows) for match in matched_faces(self.entries, assignment))
+        self._declare_air(assignment)
         self.assignments.append(assignment)
         return count
+
+    def _declare_air(self, assignment: Assignment) -> None:
+        if isinstance(assignment.what, Air):
+            for match in matched_faces(self.entries, assignment):
+                self.entries[match.entry].declare_air(match.part)
 
     def require(
         self, sensors: str, metric: str, *, min: float | None = None, max: float | None = None

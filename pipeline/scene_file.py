@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import tomllib
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from patchlight.solver.errors import InputError, MissingFileError, PatchlightError
 
 from .frames import up_matrix
+from .output import file_hash
 from .scene import Entry, Scene
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ def load_scene(path: str | Path) -> Scene:
     return build_scene(read_scene_file(path), path)
 
 
-def read_scene_file(path: Path) -> SceneFile:
-    """The checked contents of a scene file."""
+def read_scene_file(path: Path, *, model: Path | None = None) -> SceneFile:
+    """The checked contents of a scene file, with ``model`` in place of its first model file."""
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
@@ -48,6 +48,8 @@ def read_scene_file(path: Path) -> SceneFile:
         raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
+    if model is not None and _tables(values, "model"):
+        _tables(values, "model")[0]["file"] = str(model.resolve())
     return checked_scene_file(values, path)
 
 
@@ -63,7 +65,7 @@ def checked_scene_file(values: dict[str, Any], path: Path) -> SceneFile:
         file = SceneFile.model_validate(values)
     except ValidationError as error:
         problems += _problems(error)
-    problems += _across_tables(values, file, path.parent)
+    problems += _across_tables(values, path.parent)
     if problems:
         raise InputError(_message(path, problems))
     if file is None:  # a validation error always has a problem; for the type checker
@@ -81,9 +83,13 @@ def _problems(error: ValidationError) -> list[str]:
     """One line a problem, with its key path."""
     from .scene_schema import SceneFile
 
-    lines = []
+    lines: list[str] = []
+    seen: set[str] = set()
     for item in error.errors(include_url=False):
         key = _key(item["loc"])
+        if key and key in seen:
+            continue  # further members of a union
+        seen.add(key)
         if item["type"] == "extra_forbidden":
             known = _known_keys(SceneFile, item["loc"][:-1])
             near = get_close_matches(str(item["loc"][-1]), known, n=1)
@@ -97,7 +103,7 @@ def _problems(error: ValidationError) -> list[str]:
             given = item.get("input")
             shown = f" (is {given!r})" if isinstance(given, str | int | float | list) else ""
             lines.append(f"{key}: {item['msg']}{shown}")
-    return list(dict.fromkeys(lines))
+    return lines
 
 
 def _key(loc: tuple[int | str, ...]) -> str:
@@ -128,7 +134,7 @@ def _known_keys(table: Any, loc: tuple[int | str, ...]) -> list[str]:
     return list(table.model_fields)
 
 
-def _across_tables(values: dict[str, Any], file: SceneFile | None, folder: Path) -> list[str]:
+def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
     """Problems that concern more than one table, or the disk; works on unchecked values."""
     problems = []
     for k, table in enumerate(_tables(values, "model")):
@@ -148,12 +154,25 @@ def _across_tables(values: dict[str, Any], file: SceneFile | None, folder: Path)
         if isinstance(name, str) and name not in grids:
             have = ", ".join(grids) or "none"
             problems.append(f"requirements[{k}].sensors: {name!r}: no such grid; grids: {have}")
-    if file is not None and file.sky is not None:
-        try:
-            file.sky.build_with(file.sun)
-        except PatchlightError as error:
-            problems.append(f"sky: {error}")
+    problems += _sky_problem(values)
     return problems
+
+
+def _sky_problem(values: dict[str, Any]) -> list[str]:
+    """What is wrong with the sky, which may take the sun's position, and only there."""
+    from pydantic import ValidationError
+
+    from .scene_schema import SkyTable, SunTable
+
+    try:
+        sky = SkyTable.model_validate(values.get("sky"))
+        sun = values.get("sun")
+        sky.build_with(None if sun is None else SunTable.model_validate(sun))
+    except ValidationError:
+        return []  # no sky, or reported with its key already
+    except PatchlightError as error:
+        return [f"sky: {error}"]
+    return []
 
 
 def _tables(values: dict[str, Any], key: str) -> list[dict[str, Any]]:
@@ -240,9 +259,3 @@ def resolved_config(file: SceneFile, folder: Path, *, remarks: tuple[str, ...] =
         table["file"] = str(full)
         lines.insert(-1, f"# sha256 {file_hash(full)} {full.name}")
     return "\n".join(lines) + "\n" + tomli_w.dumps(values)
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from datetime import UTC, datetime
 
 from patchlight.solver.errors import InputError
 from patchlight.solver.model import Result, SceneData
@@ -61,6 +62,7 @@ def simulate(
     data = scene.freeze() if isinstance(scene, Scene) else scene
     from patchlight.solver.simulation import solve
 
+    started = _now()
     result = solve(
         data,
         accuracy=accuracy,
@@ -69,13 +71,24 @@ def simulate(
         progress=progress,
         threads=threads,
     )
-    if isinstance(scene, Scene) and scene.requirements:
-        asked = [
-            {key: value for key, value in dataclasses.asdict(r).items() if value is not None}
-            for r in scene.requirements
-        ]
-        result = dataclasses.replace(result, settings={**result.settings, "requirements": asked})
-    return result
+    times = {"started": started, "ended": _now()}
+    result = dataclasses.replace(result, settings={**result.settings, **times})
+    return with_requirements(result, scene) if isinstance(scene, Scene) else result
+
+
+def with_requirements(result: Result, scene: Scene) -> Result:
+    """The result with the requirements of ``scene`` among its settings, for the report."""
+    if not scene.requirements:
+        return result
+    asked = [
+        {key: value for key, value in dataclasses.asdict(r).items() if value is not None}
+        for r in scene.requirements
+    ]
+    return dataclasses.replace(result, settings={**result.settings, "requirements": asked})
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def announce_kernels(progress: Progress | None) -> None:

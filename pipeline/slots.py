@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from patchlight.solver.model import BLACK, Air, Emitter, Material
+from patchlight.solver.model import BLACK, Emitter, Material
 from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
 
 from .assigning import matched_faces, row_offsets
@@ -22,7 +22,7 @@ COLOR_RANGE = (0.05, 0.9)
 
 @dataclass(slots=True)
 class Slots:
-    """What was assigned; f faces and k parts counted through the scene.
+    """What was assigned; f faces counted through the scene.
 
     Attributes
     ----------
@@ -30,8 +30,6 @@ class Slots:
         Rows of ``materials`` and ``lamps`` for the + and − side.
     default_faces : (f,) bool array
         Faces on the default material.
-    air : (k,) bool array
-        Parts that are the volume of a room.
     lamps : list of (part row, Emitter)
         One a part and assignment.
     """
@@ -39,7 +37,6 @@ class Slots:
     material: np.ndarray
     luminaire: np.ndarray
     default_faces: np.ndarray
-    air: np.ndarray
     materials: tuple[Material, ...]
     lamps: list[tuple[int, Emitter]]
 
@@ -47,22 +44,18 @@ class Slots:
 def filled_slots(scene: Scene) -> Slots:
     """Resolve all assignments of ``scene``."""
     part_start, face_start = row_offsets(scene.entries)
-    parts = sum(len(entry.model.parts) for entry in scene.entries.values())
     faces = sum(len(entry.model.faces) for entry in scene.entries.values())
     given: list[Material | None] = [None] * faces
     lamp_of_face = np.full(faces, -1)
     lamps: list[tuple[int, Emitter]] = []
-    air = np.zeros(parts, dtype=bool)
     for assignment in scene.assignments:
         for match in matched_faces(scene.entries, assignment):
             part_row = part_start[match.entry] + match.part
             rows = face_start[match.entry] + np.asarray(match.rows)
-            if isinstance(assignment.what, Air):
-                air[part_row] = True
-            elif isinstance(assignment.what, Emitter):
+            if isinstance(assignment.what, Emitter):
                 lamp_of_face[rows] = len(lamps)
                 lamps.append((part_row, assignment.what))
-            else:
+            elif isinstance(assignment.what, Material):
                 for row in rows:
                     given[row] = assignment.what
     lamps, lamp_of_face = _used(lamps, lamp_of_face)
@@ -84,7 +77,7 @@ def filled_slots(scene: Scene) -> Slots:
         luminaire[row] = [
             lamp_of_face[row] if side in ("both", here) else -1 for here in ("front", "back")
         ]
-    return Slots(material, luminaire, default, air, tuple(table), lamps)
+    return Slots(material, luminaire, default, tuple(table), lamps)
 
 
 def _used(

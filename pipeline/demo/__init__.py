@@ -10,10 +10,16 @@ from patchlight.solver.errors import InputError
 DEMOS = {"office": "side-lit office with a curved wall, a dome, furniture and two lamps"}
 
 
-def write_demo(name: str, folder: Path) -> Path:
-    """Write STEP file and scene file of a demo into ``folder``; return the scene file."""
+def demo_files(name: str) -> tuple[str, ...]:
+    """Names of the files that a demo writes: the model and the scene file."""
     if name not in DEMOS:
         raise InputError(f"demo {name!r}: there is no such demo; demos: {', '.join(DEMOS)}")
+    return (f"{name}.step", f"{name}.toml")
+
+
+def write_demo(name: str, folder: Path) -> Path:
+    """Write STEP file and scene file of a demo into ``folder``; return the scene file."""
+    demo_files(name)
     from . import office
 
     return office.write(folder)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from patchlight.solver.errors import OutputError
+from patchlight.solver.errors import GeometryError, OutputError
 
 if TYPE_CHECKING:
     import cadquery as cq
@@ -101,7 +101,12 @@ min = 300
 
 def _solid(shape: cq.Workplane) -> cq.Shape:
     """The one solid of a Workplane, without the compound around it."""
-    return shape.solids().val()
+    import cadquery as cq
+
+    found = shape.solids().val()
+    if not isinstance(found, cq.Shape):
+        raise GeometryError("the demo model is not one solid")
+    return found
 
 
 def room() -> cq.Workplane:
@@ -210,13 +215,10 @@ def build() -> cq.Assembly:
     office = cq.Assembly(name="office")
     office.add(_solid(room()), name="room", color=cq.Color(0.85, 0.85, 0.82))
     office.add(_solid(frame()), name="frame", color=cq.Color(0.80, 0.80, 0.80))
-    column = cq.Workplane("XY").circle(150).extrude(HEIGHT - 2 * GAP)
-    office.add(
-        _solid(column),
-        name="column",
-        loc=cq.Location((1500, 3400, GAP)),
-        color=cq.Color(0.73, 0.73, 0.73),
-    )
+    column = _solid(cq.Workplane("XY").circle(150).extrude(HEIGHT - 2 * GAP))
+    grey, warm = cq.Color(0.73, 0.73, 0.73), cq.Color(1.0, 0.96, 0.88)
+    office.add(column, name="column", loc=cq.Location((1500, 3400, GAP)), color=grey)
+    # Built anew each time: CadQuery leaves the parts of a repeated sub-assembly without names.
     number = 0
     for k, (x, y) in enumerate(DESKS):
         office.add(desk(), name=f"desk:{k + 1}", loc=cq.Location((x, y, GAP)))
@@ -224,12 +226,7 @@ def build() -> cq.Assembly:
             number += 1
             place = cq.Location((x, y + 620 * side, GAP), (0, 0, 1), turn)
             office.add(chair(), name=f"chair:{number}", loc=place)
-        office.add(
-            _solid(lamp()),
-            name=f"lamp:{k + 1}",
-            loc=cq.Location((x, y, 2000)),
-            color=cq.Color(1.0, 0.96, 0.88),
-        )
+        office.add(_solid(lamp()), name=f"lamp:{k + 1}", loc=cq.Location((x, y, 2000)), color=warm)
     return office
 
 

@@ -1,0 +1,34 @@
+"""What this machine can do."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib import metadata
+
+LIBRARIES = ("cadquery", "cadquery-ocp", "numpy", "numba", "scipy", "pyvista", "vtk", "OpenEXR")
+
+
+def doctor_lines() -> list[str]:
+    """One line a finding; loads no heavy library."""
+    from patchlight.reports import pdf_status, rendering_status
+    from patchlight.solver.numba_cache import use_cache_folder
+
+    lines = [f"patchlight {version('patchlight')}, Python {platform.python_version()}"]
+    lines.append("libraries: " + ", ".join(f"{name} {version(name)}" for name in LIBRARIES))
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    lines.append(f"threads: {usable} of {os.cpu_count()} cores usable")
+    for what, (can, why) in (("pictures", rendering_status()), ("PDF", pdf_status())):
+        lines.append(f"{what}: {'yes' if can else 'no'}, {why}")
+    folder, warm = use_cache_folder()
+    state = "filled" if warm else "empty, the first run compiles (once)"
+    lines.append(f"compiled kernels: {folder} ({state})")
+    return lines
+
+
+def version(name: str) -> str:
+    """Version of an installed distribution, or "missing"."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "missing"

@@ -1,0 +1,164 @@
+"""One run from a file to an output folder, as `patchlight run` and the batch do it."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from patchlight.solver.errors import InputError, MissingFileError
+from patchlight.solver.model import Result
+
+from .output import prepare_output
+from .scene import Scene
+from .simulation import announce_kernels, simulate, with_requirements
+
+if TYPE_CHECKING:
+    from .scene_schema import SceneFile
+    from .talk import Talk
+
+#: Name ends of STEP files.
+STEP_SUFFIXES = (".step", ".stp", ".p21")
+#: A scene that takes longer than this is announced. [s]
+LONG_SECONDS = 5.0
+
+
+@dataclass(slots=True)
+class RunOptions:
+    """Settings of `run_file`; None leaves the choice to the scene file or the default."""
+
+    output: Path | None = None
+    accuracy: float | None = None
+    threads: int | None = None
+    scale: float | None = None
+    unit: str | None = None
+    up: str | None = None
+    tolerance: float | None = None
+    scene: Path | None = None
+    pdf: bool = False
+    force: bool = False
+    own_files: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Run:
+    """A finished run."""
+
+    result: Result
+    folder: Path
+    seconds: float
+
+
+def run_file(path: Path, options: RunOptions, talk: Talk) -> Run:
+    """Simulate a scene file or a bare STEP file and write its output folder."""
+    began = time.perf_counter()
+    if not path.exists():
+        raise MissingFileError(f"{path}: no such file")
+    folder = options.output or Path(f"{path.stem}-patchlight")
+    if path.suffix.lower() == ".toml":
+        scene, config = _from_scene_file(path, options, folder, talk)
+    elif path.suffix.lower() in STEP_SUFFIXES:
+        scene, config = _from_step(path, options, folder, talk)
+    else:
+        known = ", ".join((".toml", *STEP_SUFFIXES))
+        raise InputError(f"{path}: neither a scene file nor a STEP file; known endings: {known}")
+    accuracy = scene.accuracy if options.accuracy is None else options.accuracy
+    announce_kernels(talk.progress)
+    data = scene.freeze()
+    for note in data.notes:
+        if not note.startswith("default: "):  # said already
+            talk.note(f"note: {note}")
+    from patchlight.solver.simulation import estimate_seconds
+
+    seconds = float(estimate_seconds(data, accuracy))
+    size = f"{len(data.patches)} patches of {len(data.faces)} faces, accuracy {accuracy:g}"
+    announce = talk.note if seconds > LONG_SECONDS else talk.detail
+    announce(f"{size}: expected to take about {_duration(seconds)}")
+    result = simulate(data, accuracy=accuracy, progress=talk.progress, threads=options.threads)
+    result = with_requirements(result, scene)
+    from patchlight.reports import write_run
+
+    write_run(
+        result,
+        folder,
+        config=config,
+        pdf=options.pdf,
+        log=talk.warn,
+        progress=talk.progress,
+    )
+    talk.stop()
+    for warning in result.warnings:
+        talk.warn(warning)
+    return Run(result, folder, time.perf_counter() - began)
+
+
+def _from_scene_file(
+    path: Path, options: RunOptions, folder: Path, talk: Talk, *, model: Path | None = None
+) -> tuple[Scene, str]:
+    """Scene and resolved configuration of a scene file."""
+    from .scene_file import build_scene, read_scene_file, resolved_config
+
+    _refuse(options, ("scale", "unit", "up", "tolerance"), "stand in the scene file")
+    if model is None:
+        _refuse(options, ("scene",), "is for a STEP file")
+    file = read_scene_file(path, model=model)
+    _prepare(folder, (path.parent / table.file for table in file.model), options)
+    talk.progress("reading models", 0, len(file.model))
+    scene = build_scene(file, path)
+    if options.accuracy is not None:
+        file = _with_accuracy(file, options.accuracy)
+    return scene, resolved_config(file, path.parent)
+
+
+def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tuple[Scene, str]:
+    """Scene of defaults around a bare STEP file, or of a scene file it is put into."""
+    if options.scene is not None:
+        inner = dataclasses.replace(options, scene=None)
+        return _from_scene_file(options.scene, inner, folder, talk, model=path)
+    from patchlight.importers import read_step
+
+    from .bare import bare_scene
+    from .scene_file import checked_scene_file, resolved_config
+
+    _prepare(folder, (path,), options)
+    talk.progress("reading models", 0, 1)
+    given: dict[str, Any] = {
+        key: value
+        for key in ("scale", "unit", "tolerance")
+        if (value := getattr(options, key)) is not None
+    }
+    model = read_step(path, **given)
+    bare = bare_scene(model, path, up=options.up or "z", scale=options.scale or 1.0)
+    talk.note(f"{path.name}: no scene file, so it runs with defaults")
+    for remark in bare.remarks:
+        talk.note(f"  {remark}")
+    bare.values["model"][0].update(given)
+    if options.accuracy is not None:
+        bare.values["accuracy"] = options.accuracy
+    file = checked_scene_file(bare.values, path)
+    return bare.scene, resolved_config(file, path.parent, remarks=tuple(bare.remarks))
+
+
+def _prepare(folder: Path, inputs: Iterable[Path], options: RunOptions) -> None:
+    prepare_output(folder, inputs, force=options.force, own=options.own_files)
+
+
+def _refuse(options: RunOptions, keys: tuple[str, ...], why: str) -> None:
+    for key in keys:
+        if getattr(options, key) is not None:
+            raise InputError(f"--{key}: {why}; leave it out here")
+
+
+def _with_accuracy(file: SceneFile, accuracy: float) -> SceneFile:
+    return file.model_copy(update={"accuracy": accuracy})
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 1.0:
+        return "less than a second"
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
