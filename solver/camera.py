@@ -1,0 +1,207 @@
+"""Pictures: rays through pixels, exact curved surfaces, smooth luminance, anti-aliased edges."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import InputError
+from .model.arrays import FloatArray, IntArray, check_shape, frozen
+from .model.elements import Elements
+from .model.result import CameraImage, luminous
+from .model.scene import SceneData
+from .model.sky import direction
+from .model.views import Camera
+from .raycast import RayCaster
+from .skies import (
+    ground_luminance,
+    horizontal_illuminance,
+    sky_parameters,
+    sun_direction,
+    sun_horizontal_illuminance,
+    sun_luminance,
+)
+from .spectra import cct_to_rgb
+from .vertex_values import corner_values
+
+#: Rays per kernel call, which bounds memory and lets Ctrl-C through.
+_BLOCK = 1 << 17
+#: Neighbouring pixels whose luminances differ by this share of the larger are sampled again.
+_CONTRAST = 0.1
+_SUBPIXELS = ((0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75))
+
+
+class Renderer:
+    """Views of one solved scene; build once for all cameras.
+
+    Parameters
+    ----------
+    scene : SceneData
+        Geometry, sky, sun and ground.
+    elements : Elements
+        n elements. A side of a patch without elements is black.
+    reflected, emitted : (n, b) array
+        Reflected exitance, shown smoothly, and emitted exitance, uniform in each element; b = 1
+        gives a grey picture, b = 3 linear sRGB. [lm/m²]
+    irradiance : (n,) array
+        Illuminance, shown smoothly. [lx]
+    caster : RayCaster, optional
+        Of ``scene.patches``, when there already is one.
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit the elements.
+    """
+
+    def __init__(
+        self,
+        scene: SceneData,
+        elements: Elements,
+        *,
+        reflected: FloatArray,
+        emitted: FloatArray,
+        irradiance: FloatArray,
+        caster: RayCaster | None = None,
+    ) -> None:
+        reflected, emitted = frozen(reflected), frozen(emitted)
+        n, bands = len(elements), reflected.shape[-1] if reflected.ndim == 2 else 0
+        if bands not in (1, 3):
+            raise InputError(f"reflected: shape {reflected.shape}, but expected (n, 1) or (n, 3)")
+        check_shape("reflected", reflected, (n, bands))
+        check_shape("emitted", emitted, (n, bands))
+        irradiance = frozen(irradiance)
+        check_shape("irradiance", irradiance, (n,))
+        self.scene = scene
+        self._caster = RayCaster(scene.patches) if caster is None else caster
+        means = np.concatenate([reflected, irradiance[:, None]], axis=1)
+        start, order = _elements_by_side(elements, len(scene.patches))
+        self._shading = (
+            scene.patches.control_points,
+            start,
+            order,
+            elements.boxes,
+            frozen(corner_values(scene, elements, means)),
+            emitted,
+            _environment(scene, grey=bands == 1),
+        )
+
+    def render(self, camera: Camera) -> CameraImage:
+        """The view of ``camera``; pixels outside a fisheye's circle are black and hit nothing."""
+        width, height = (int(s) for s in camera.size)
+        seen = self._trace(*(a.reshape(-1, 3) for a in camera.rays()))
+        rgb, illuminance, depth, normals, patch = seen
+        again = np.flatnonzero(self._edges(rgb, patch, (height, width)))
+        if again.size:
+            total = np.zeros((again.size, 3))
+            for subpixel in _SUBPIXELS:
+                origins, directions = camera.rays(subpixel=subpixel)
+                total += self._trace(
+                    origins.reshape(-1, 3)[again], directions.reshape(-1, 3)[again]
+                )[0]
+            rgb[again] = total / len(_SUBPIXELS)
+        parts = np.append(self.scene.patches.part_index, -1)  # patch −1 is the last row
+        return CameraImage(
+            camera=camera,
+            rgb=rgb.reshape(height, width, 3),
+            illuminance_lx=illuminance.reshape(height, width),
+            depth_m=depth.reshape(height, width),
+            normals=normals.reshape(height, width, 3),
+            part_index=parts[patch].reshape(height, width),
+        )
+
+    def _trace(
+        self, origins: FloatArray, directions: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
+        """Luminance, illuminance, depth, normal and patch along rays (m, 3)."""
+        from .kernels.render import shade
+
+        m = len(directions)
+        rgb = np.zeros((m, 3))
+        illuminance, depth = np.full(m, np.nan), np.full(m, np.nan)
+        normals, patch = np.full((m, 3), np.nan), np.full(m, -1, dtype=np.int64)
+        for first in range(0, m, _BLOCK):
+            rows = slice(first, min(first + _BLOCK, m))
+            d = frozen(directions[rows])
+            hits = self._caster.first_hit(origins[rows], d)
+            shade(
+                *self._shading, d, hits.patch, hits.u, hits.v, hits.facing,
+                rgb[rows], illuminance[rows], normals[rows],
+            )  # fmt: skip
+            depth[rows] = np.where(hits.patch >= 0, hits.t, np.nan)
+            patch[rows] = hits.patch
+        return rgb, illuminance, depth, normals, patch
+
+    def _edges(self, rgb: FloatArray, patch: IntArray, shape: tuple[int, int]) -> IntArray:
+        """Pixels (h w,) with another face or another luminance next to them."""
+        face = np.append(self.scene.patches.face_index, -1)[patch].reshape(shape)
+        level = luminous(rgb).reshape(shape)
+        out = np.zeros(shape, dtype=bool)
+        for axis in (0, 1):
+            a = np.moveaxis(face, axis, 0)
+            b = np.moveaxis(level, axis, 0)
+            change = (a[1:] != a[:-1]) | (
+                np.abs(b[1:] - b[:-1]) > _CONTRAST * np.maximum(b[1:], b[:-1])
+            )
+            view = np.moveaxis(out, axis, 0)
+            view[1:] |= change
+            view[:-1] |= change
+        return out.ravel()
+
+
+def render(
+    scene: SceneData,
+    elements: Elements,
+    camera: Camera,
+    *,
+    reflected: FloatArray,
+    emitted: FloatArray,
+    irradiance: FloatArray,
+    caster: RayCaster | None = None,
+) -> CameraImage:
+    """One view of a solved scene; see `Renderer`."""
+    renderer = Renderer(
+        scene,
+        elements,
+        reflected=reflected,
+        emitted=emitted,
+        irradiance=irradiance,
+        caster=caster,
+    )
+    return renderer.render(camera)
+
+
+def _elements_by_side(elements: Elements, patches: int) -> tuple[IntArray, IntArray]:
+    """Elements of patch side 2 p + side as CSR: (start (2 p + 1,), order (n,))."""
+    key = 2 * elements.patch_index + elements.side
+    order = np.argsort(key, kind="stable")
+    start = np.searchsorted(key[order], np.arange(2 * patches + 1))
+    return frozen(start, np.int64), frozen(order, np.int64)
+
+
+def _environment(scene: SceneData, *, grey: bool) -> FloatArray:
+    """Sky, ground and sun packed for `kernels.render`."""
+    from .kernels import render as kernel
+
+    sky, sun = scene.sky, scene.sun
+    out = np.zeros(kernel.ENVIRONMENT)
+    out[kernel.DISC_CHORD] = -1.0
+    ground = np.zeros(3)
+    if sky is not None:
+        color = np.ones(3) if grey else cct_to_rgb(sky.cct_k)
+        out[: kernel.SKY_SUN] = sky_parameters(sky)
+        out[kernel.SKY_SUN : kernel.SKY_SUN + 3] = sun_direction(sky)
+        out[kernel.SKY_COLOR : kernel.SKY_COLOR + 3] = color
+        ground += horizontal_illuminance(sky) * color
+    if sun is not None:
+        color = np.ones(3) if grey else cct_to_rgb(sun.cct_k)
+        radius = np.radians(sun.angular_radius_arcmin / 60.0)
+        out[kernel.DISC : kernel.DISC + 3] = direction(sun.altitude_deg, sun.azimuth_deg)
+        out[kernel.DISC_CHORD] = 4.0 * np.sin(0.5 * radius) ** 2
+        out[kernel.DISC_LUMINANCE : kernel.DISC_LUMINANCE + 3] = sun_luminance(sun) * color
+        ground += sun_horizontal_illuminance(sun) * color
+    level = ground_luminance(scene.ground, sky, sun)
+    brightest = ground.max()
+    if brightest > 0.0:
+        # The colour of the light that falls on the grey ground, at the ground's luminance.
+        out[kernel.GROUND : kernel.GROUND + 3] = ground * level / float(luminous(ground))
+    return frozen(out)
