@@ -246,14 +246,14 @@ def _default_grid(data: SceneData, interior: Interior | None) -> tuple[dict[str,
             f"({area[row]:.3g} m²)"
         )
         return grid, remark
-    z = 0.5 * float(low[2] + high[2])
+    middle = 0.5 * float(low[2] + high[2])
     grid = {
         "name": "mid-height",
-        "z_m": z,
+        "z_m": middle,
         "spacing_m": spacing,
         "bounds_m": [float(x) for x in (low[0], low[1], high[0], high[1])],
     }
-    remark = f"no flat upward face: sensors every {spacing:g} m at mid height, z = {z:.3g} m"
+    remark = f"no flat upward face: sensors every {spacing:g} m at mid height, z = {middle:.3g} m"
     return grid, remark
 
 

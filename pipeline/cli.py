@@ -16,11 +16,14 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 from patchlight.solver.errors import PatchlightError
 
+from .doctoring import version
+
 OK, REQUIREMENT_FAILED, BAD_INPUT, NOT_CONVERGED, BATCH_FAILED, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
 app = App(
     name="patchlight",
     help="Lighting simulation on exact CAD surfaces: STEP in, photometric report out.",
+    version=lambda: version("patchlight"),
     version_flags=["--version"],
 )
 
@@ -117,12 +120,13 @@ def inspect(
     json_
         Print everything as JSON.
     """
-    from patchlight.importers import inspection, read_step
+    from patchlight.importers import read_step
 
     model = read_step(file, scale=scale, unit=unit, tolerance=tolerance)
-    found = inspection(model)
     if json_:
-        print(json.dumps(found, indent=2))
+        from patchlight.importers.inspection import inspection
+
+        print(json.dumps(inspection(model), indent=2))
         return OK
     from .inspecting import inspection_text
 

@@ -103,7 +103,7 @@ def section(patches: PatchSet, z: float, size: float) -> list[Any]:
     segments = [segment for net in patches.control_points[spans] for segment in _cut(net, z, size)]
     if not segments:
         return []
-    lines = shapely.union_all(shapely.linestrings(np.array(segments)), grid_size=1e-6 * size)
+    lines = shapely.union_all(shapely.linestrings(np.array(segments)), grid_size=SNAP * size)
     return list(shapely.get_parts(shapely.polygonize(shapely.get_parts(lines))))
 
 

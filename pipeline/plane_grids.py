@@ -109,7 +109,7 @@ def plane_cells(what: str, plan: Any, spacing: float | str) -> tuple[FloatArray,
 
 def cell_count(extent: float, spacing: float) -> int:
     """Number of cells: ceil(extent / spacing), forgiving rounding of the extent."""
-    return max(1, math.ceil(extent / spacing * (1.0 - 1e-9)))
+    return max(1, math.ceil(extent / spacing * (1.0 - 1e-6)))
 
 
 def en12464_spacing(dx: float, dy: float) -> float:

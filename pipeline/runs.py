@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ from patchlight.solver.model import Result
 
 from .output import prepare_output
 from .scene import Scene
-from .simulation import announce_kernels, simulate, with_requirements
+from .simulation import announce_kernels, check_effort, simulate, with_requirements
 
 if TYPE_CHECKING:
     from .scene_schema import SceneFile
@@ -55,9 +56,22 @@ class Run:
 def run_file(path: Path, options: RunOptions, talk: Talk) -> Run:
     """Simulate a scene file or a bare STEP file and write its output folder."""
     began = time.perf_counter()
+    check_effort(options.accuracy, options.threads)
     if not path.exists():
         raise MissingFileError(f"{path}: no such file")
     folder = options.output or Path(f"{path.stem}-patchlight")
+    is_new = not folder.exists()
+    try:
+        result = _run(path, options, folder, talk)
+    except BaseException:
+        if is_new:  # nothing was written: leave no empty folder behind
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+    return Run(result, folder, time.perf_counter() - began)
+
+
+def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
     if path.suffix.lower() == ".toml":
         scene, config = _from_scene_file(path, options, folder, talk)
     elif path.suffix.lower() in STEP_SUFFIXES:
@@ -80,6 +94,7 @@ def run_file(path: Path, options: RunOptions, talk: Talk) -> Run:
     result = simulate(data, accuracy=accuracy, progress=talk.progress, threads=options.threads)
     result = with_requirements(result, scene)
     from patchlight.reports import write_run
+    from patchlight.reports.files import write_text
 
     write_run(
         result,
@@ -92,7 +107,8 @@ def run_file(path: Path, options: RunOptions, talk: Talk) -> Run:
     talk.stop()
     for warning in result.warnings:
         talk.warn(warning)
-    return Run(result, folder, time.perf_counter() - began)
+    write_text(folder / "log.jsonl", talk.log_text())
+    return result
 
 
 def _from_scene_file(

@@ -54,10 +54,7 @@ def simulate(
     """
     if accuracy is None:
         accuracy = scene.accuracy if isinstance(scene, Scene) else 0.01
-    if not (math.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
-        raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
-    if threads is not None and threads < 1:
-        raise InputError(f"threads = {threads}: must be at least 1")
+    check_effort(accuracy, threads)
     announce_kernels(progress)
     data = scene.freeze() if isinstance(scene, Scene) else scene
     from patchlight.solver.simulation import solve
@@ -74,6 +71,14 @@ def simulate(
     times = {"started": started, "ended": _now()}
     result = dataclasses.replace(result, settings={**result.settings, **times})
     return with_requirements(result, scene) if isinstance(scene, Scene) else result
+
+
+def check_effort(accuracy: float | None, threads: int | None) -> None:
+    """Raise `InputError` unless accuracy and number of threads can be meant; None is fine."""
+    if accuracy is not None and not (math.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
+        raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
+    if threads is not None and threads < 1:
+        raise InputError(f"threads = {threads}: must be at least 1")
 
 
 def with_requirements(result: Result, scene: Scene) -> Result:

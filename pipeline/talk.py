@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from datetime import UTC, datetime
@@ -84,6 +85,11 @@ class Talk:
                 self._bars.update(task, visible=False)
             self._tasks[stage] = self._bars.add_task(stage, total=max(1, total))
         self._bars.update(self._tasks[stage], completed=done, total=max(1, total), visible=True)
+
+    def log_text(self) -> str:
+        """All that was said, one JSON object a line."""
+        lines = ({"schema_version": 1, **record} for record in self.records)
+        return "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
 
     def stop(self) -> None:
         """Take the progress bar away."""
