@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
 from patchlight.solver.camera import Renderer, render
 from patchlight.solver.errors import InputError
 from patchlight.solver.model import (

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
 from patchlight.solver import skies
 from patchlight.solver.kernels.sky_luminance import sky_luminances
 from patchlight.solver.model import CIESky, Ground, Sun
