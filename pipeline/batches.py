@@ -43,8 +43,10 @@ class BatchItem:
         Wall-clock time.
     message : str
         One line why it failed; empty otherwise.
-    metrics : list of dict
-        Rows of its metrics.json.
+    faces, patches : int or None
+        Size of the model.
+    metrics : dict of dict
+        Values by grid and metric.
     """
 
     name: str
@@ -54,7 +56,9 @@ class BatchItem:
     exit_code: int | None = None
     seconds: float = 0.0
     message: str = ""
-    metrics: list[dict[str, Any]] = field(default_factory=list)
+    faces: int | None = None
+    patches: int | None = None
+    metrics: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -251,7 +255,10 @@ def _judge(item: BatchItem, code: int, out: str, err: str) -> None:
     item.status = {0: "ok", 1: "failed", 3: "not converged"}.get(code, "failed")
     if code in (0, 1, 3):
         try:
-            item.metrics = list(json.loads(out)["metrics"])
+            printed = json.loads(out)
+            item.faces, item.patches = int(printed["faces"]), int(printed["patches"])
+            for row in printed["metrics"]:
+                item.metrics.setdefault(row["sensor_id"], {})[row["id"]] = row["value"]
         except (ValueError, KeyError, TypeError):
             item.status = "failed"
         else:
@@ -293,7 +300,7 @@ def _kept(item: BatchItem, key: dict[str, Any]) -> bool:
         record = json.loads((Path(item.output) / RECORD).read_text(encoding="utf-8"))
         if record["key"] != key or record["item"]["status"] != "ok":
             return False
-        for name in ("status", "exit_code", "seconds", "metrics"):
+        for name in ("status", "exit_code", "seconds", "faces", "patches", "metrics"):
             setattr(item, name, record["item"][name])
     except (OSError, ValueError, KeyError, TypeError):
         return False
@@ -313,4 +320,19 @@ def _remember(item: BatchItem, key: dict[str, Any]) -> None:
 def _write_summary(items: list[BatchItem], out: Path) -> None:
     from patchlight.reports import write_batch_summary
 
-    write_batch_summary([item for item in items if item.status != "waiting"], out)
+    rows = []
+    for item in items:
+        report = Path(item.output) / "report.html"
+        rows.append(
+            {
+                "file": item.path,
+                "status": item.status,
+                "reason": item.message,
+                "seconds": item.seconds,
+                "faces": item.faces,
+                "patches": item.patches,
+                "report": f"{item.name}/{report.name}" if report.is_file() else None,
+                "metrics": item.metrics,
+            }
+        )
+    write_batch_summary(rows, out)

@@ -43,6 +43,8 @@ def result_json(done: Run) -> str:
             "output": str(done.folder),
             "converged": result.converged,
             "seconds": round(done.seconds, 3),
+            "faces": len(result.scene.faces),
+            "patches": len(result.scene.patches),
             "metrics": metric_rows(result),
             "balance_residual": result.balance.residual_fraction,
             "warnings": list(result.warnings),
