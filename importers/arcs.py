@@ -110,7 +110,7 @@ class NetArc(Arc):
 
 
 class EdgeArc(Arc):
-    """A piece of an edge's curve in (u, v), from parameter ``a`` to ``b`` (either may be larger)."""
+    """A piece of an edge's curve in (u, v) from parameter ``a`` to ``b``, either may be larger."""
 
     def __init__(
         self,

@@ -11,11 +11,12 @@ from patchlight.solver.model import bezier
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .area import curved_area, planar_area
+from .curves import Projected
 from .domain import Domain, curved_domain, planar_domain
 from .extract import RawFace
 from .lift import Lifted, lifted, planar_net
 from .quadrangulate import cells_of
-from .rectangle import MANY_PATCHES, exact_spline, grid_cells, rectangle
+from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle
 from .surfaces import Plane, SplineSurface, Surface
 
 #: Relative error below which a measured quantity counts as rounding.
@@ -126,6 +127,31 @@ def _cells(domain: Domain, attempt: int, *, planar: bool) -> list:
     return cells
 
 
+def follow_edges(raw: RawFace, surface: Surface, limit: float) -> None:
+    """Replace curves in (u, v) that leave their edge by more than ``limit`` by projections of it.
+
+    Files hold such curves (polygons, other parameters), and patches of both faces must end at the
+    edge.
+    """
+    f = np.array([0.0, 0.13, 0.25, 0.38, 0.5, 0.62, 0.75, 0.87, 1.0])
+    for uses in raw.loops:
+        for use in uses:
+            edge = use.edge
+            if edge.curve is None or use.curve is None:
+                continue
+            uv = use.curve.evaluate(use.start + (use.end - use.start) * f)
+            x = edge.curve.evaluate(edge.start + (edge.end - edge.start) * f)
+            off = np.linalg.norm(surface.points(uv[:, 0], uv[:, 1]) - x, axis=1).max()
+            if off <= limit or use.end == use.start:
+                continue
+            rate = (edge.end - edge.start) / (use.end - use.start)
+            better = Projected(use.curve, surface, edge.curve, use.start, rate, edge.start)
+            uv = better.evaluate(use.start + (use.end - use.start) * f)
+            now = np.linalg.norm(surface.points(uv[:, 0], uv[:, 1]) - x, axis=1).max()
+            if now < 0.5 * off:
+                use.curve = better
+
+
 def _edge_gap(raw: RawFace) -> float:
     """Largest distance between the surface along the boundary and the edges in space."""
     uv, space = [], []
@@ -147,6 +173,7 @@ def _edge_gap(raw: RawFace) -> float:
 def _curved(
     raw: RawFace, surface: Surface, tolerance: float, angle_deg: float, size: float
 ) -> FacePatches:
+    follow_edges(raw, surface, 0.02 * tolerance)
     domain = curved_domain(raw, surface)
     wanted = curved_area(surface, domain)
     gap = _edge_gap(raw)
@@ -168,18 +195,25 @@ def _curved(
                 return out
             other = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size)
             return other if 2 * len(other.nets) < len(nets) and not other.reason else out
-    return _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size)
+    out = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size)
+    if box is not None and "tolerance" in out.reason:
+        # Knots of low continuity may spoil a cell that crosses them: cut there and compare.
+        cut = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size, at_knots=True)
+        if not cut.reason.startswith(("area", "the tol")) or len(cut.nets) < len(out.nets):
+            return cut
+    return out
 
 
 def _adaptive(
     surface: Surface,
     domain: Domain,
-    box,
+    box: Rectangle | None,
     wanted: float,
     tolerance: float,
     angle_deg: float,
     gap: float,
     size: float,
+    at_knots: bool = False,
 ) -> FacePatches:
     best: FacePatches | None = None
     reason = ""
@@ -187,7 +221,7 @@ def _adaptive(
     for attempt in range(4):
         try:
             if box is not None:
-                cells = grid_cells(surface, box, domain.scale)
+                cells = grid_cells(surface, box, domain.scale, at_knots=at_knots)
             else:
                 cells = _cells(domain, attempt // 2, planar=False)
         except GeometryError as error:

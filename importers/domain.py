@@ -51,7 +51,12 @@ def planar_domain(face: RawFace, surface: Plane, tolerance: float) -> Domain:
             for piece in ordered:
                 net = piece.net[::-1] if use.reversed else piece.net
                 loop.append(NetArc(net, net @ to_flat, use.edge.index, straight, piece.exact))
-                exact &= piece.exact
+                if not straight and _is_line(loop[-1].samples):
+                    ends = loop[-1].samples
+                    loop[-1] = flat_chord(ends[0], ends[-1], lift)
+                    loop[-1].edge = use.edge.index
+                else:
+                    exact &= piece.exact
         if loop:
             loops.append(loop)
     box = np.concatenate([a.samples for loop in loops for a in loop]) if loops else np.zeros((1, 2))
@@ -67,6 +72,18 @@ def planar_domain(face: RawFace, surface: Plane, tolerance: float) -> Domain:
         return flat_chord(p, q, lift)
 
     return Domain(_regions(cleaned), chord, np.ones(2), size, exact, gap)
+
+
+def _is_line(points: FloatArray) -> bool:
+    """Whether points (n, 2) run straight from the first to the last one, to rounding."""
+    d = points[-1] - points[0]
+    length = float(np.linalg.norm(d))
+    if length == 0.0:
+        return False
+    e = points - points[0]
+    along = e @ d / length
+    off = np.abs(e[:, 0] * d[1] - e[:, 1] * d[0]).max() / length
+    return bool(off <= 1e-9 * length and (np.diff(along) > 0.0).all())
 
 
 def _closed_planar(loop: Loop, size: float, lift: FloatArray) -> tuple[Loop, float]:

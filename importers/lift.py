@@ -125,9 +125,12 @@ def lifted(
         boxes = np.array([[0.0, 1.0, 0.0, 1.0]])
         for depth in range(DEEPEST + 1):
             n, e, g, split, kept = _level(surface, cell, base, boxes, tolerance, angle_deg, snap)
-            last = depth == DEEPEST or len(boxes) > 3000
-            done = kept | last
-            converged &= bool(kept.all()) or not last
+            # A kink or cusp of the surface keeps its angle at any size: where the position is far
+            # inside the tolerance, halving on is of no use.
+            last = depth == DEEPEST or len(boxes) > 1000
+            hopeless = ~kept & ((e[:, 0] <= 0.1 * tolerance) & (depth >= 4))
+            done = kept | last | hopeless
+            converged &= bool(kept[done].all())
             nets.append(n[done])
             if done.any():
                 worst = max(worst, float(e[done, 0].max()))

@@ -25,7 +25,7 @@ GOOD = 0.2
 PAIRED = 0.1
 THIN = 0.02
 SMOOTH = math.cos(math.radians(20.0))
-MOST_CELLS = 5000
+MOST_ARCS = 3000
 
 
 def corner_turns(loop: Loop) -> FloatArray:
@@ -204,6 +204,8 @@ def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
                 if not bad:
                     break
                 current = _halve(current, bad)
+                if sum(len(loop) for loop in current) > MOST_ARCS:
+                    raise GeometryError("the boundary touches or crosses itself")
             cut, extra = _with_sectors(current, chord) if sectors else (current, [])
             if sectors and not extra:
                 break
@@ -223,7 +225,7 @@ def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
                 if cells is not None and not sectors:
                     return extra + cells
                 break
-            if sum(len(loop) for loop in current) > MOST_CELLS:
+            if sum(len(loop) for loop in current) > MOST_ARCS:
                 break
             current = _halve(current, worst & known)
     raise GeometryError(reason or "no valid decomposition into four-sided cells")

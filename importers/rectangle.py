@@ -118,6 +118,11 @@ def _cuts(knots: FloatArray, period: float | None, a: float, b: float) -> FloatA
     return BSpline(knots, one, 0, period).breaks(a, b)
 
 
+def _every(knots: FloatArray, period: float | None, a: float, b: float) -> list[Span]:
+    cuts = _cuts(knots, period, a, b).tolist()
+    return [(p, q, 0.0, None) for p, q in zip(cuts[:-1], cuts[1:], strict=True)]
+
+
 def _spline(s: SplineSurface, k: int, a: float, b: float) -> list[Span]:
     knots = (s.u_knots, s.v_knots)[k]
     degree, period = s.degrees[k], s.periods[k]
@@ -139,10 +144,19 @@ def _spline(s: SplineSurface, k: int, a: float, b: float) -> list[Span]:
     return [(p, q, 0.0, None) for p, q in zip(inner[:-1].tolist(), inner[1:].tolist(), strict=True)]
 
 
-def grid_cells(surface: Surface, r: Rectangle, scale: FloatArray) -> list[Cell]:
-    """Cells of the rectangle along parameter lines, with the weights of circular arcs."""
+def grid_cells(
+    surface: Surface, r: Rectangle, scale: FloatArray, *, at_knots: bool = False
+) -> list[Cell]:
+    """Cells of the rectangle along parameter lines, with the weights of circular arcs.
+
+    ``at_knots`` cuts at every knot of a spline and not only where it may have a kink.
+    """
     u0, u1, v0, v1 = r.box
     us, vs = spans(surface, 0, u0, u1), spans(surface, 1, v0, v1)
+    base = surface.base if isinstance(surface, Offset) else surface
+    if at_knots and isinstance(base, SplineSurface):
+        us = [s for a, b, *_ in us for s in _every(base.u_knots, base.periods[0], a, b)]
+        vs = [s for a, b, *_ in vs for s in _every(base.v_knots, base.periods[1], a, b)]
     cells = []
     for i, (a, b, hu, wu) in enumerate(us):
         for j, (c, d, hv, wv) in enumerate(vs):

@@ -66,17 +66,31 @@ def triangulate(loops: list[FloatArray]) -> list[tuple[int, int, int]] | None:
 
     points = np.concatenate(loops)
     ends = np.cumsum([len(p) for p in loops]).astype(np.uint32)
-    flat = mapbox_earcut.triangulate_float64(np.ascontiguousarray(points), ends)
+    # Ear clipping drops collinear vertices; a tiny fixed displacement keeps them, and the flips
+    # remove the flat triangles it leaves.
+    k = np.arange(len(points))
+    size = float(np.ptp(points, axis=0).max())
+    nudge = np.stack([np.modf(0.6180339887 * k)[0], np.modf(0.7548776662 * k)[0]], axis=1) - 0.5
+    flat = mapbox_earcut.triangulate_float64(points + 1e-7 * size * nudge, ends)
     index = np.asarray(flat, dtype=np.int64).reshape(-1, 3)
     if len(index) != len(points) - 2 + 2 * (len(loops) - 1):
         return None
-    a, b, c = (points[index[:, k]] for k in range(3))
-    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
-    index[area < 0] = index[area < 0][:, ::-1]
+    turned = areas(points + 1e-7 * size * nudge, index) < 0
+    index[turned] = index[turned][:, ::-1]
+    out = flipped(points, [tuple(t) for t in index.tolist()], loops)
+    area = areas(points, np.array(out))
     total = sum(signed_area(p) for p in loops)
-    if abs(np.abs(area).sum() - total) > 1e-9 * abs(total):
+    if area.min() <= -1e-12 * total or abs(area.sum() - total) > 1e-9 * abs(total):
         return None
-    return flipped(points, [tuple(t) for t in index.tolist()], loops)
+    if np.abs(area).sum() - total > 1e-9 * abs(total):
+        return None
+    return out
+
+
+def areas(points: FloatArray, index: IntArray) -> FloatArray:
+    """Signed areas (n,) of triangles (n, 3)."""
+    a, b, c = (points[index[:, k]] for k in range(3))
+    return np.asarray(0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]))
 
 
 def flipped(
