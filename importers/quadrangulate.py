@@ -7,6 +7,7 @@ left over is a cell with one collapsed side.
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Callable
 
@@ -261,6 +262,7 @@ def _paired(loops: list[Loop], chord: ChordMaker) -> tuple[list[Cell] | None, se
             arcs[b, a] = found.reversed()
         return found
 
+    triangles = _reshaped(triangles, points, side)
     owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(triangles) for k in range(3)}
     pairs: list[tuple[int, int]] = []
     quads: list[tuple[int, int, int, int]] = []
@@ -274,10 +276,13 @@ def _paired(loops: list[Loop], chord: ChordMaker) -> tuple[list[Cell] | None, se
         quads.append((a, d, b, c))
     sides = [tuple(side(q[k], q[(k + 1) % 4]) for k in range(4)) for q in quads]
     q = quality([tuple(side_samples(s) for s in four) for four in sides])  # type: ignore[misc]
-    chosen = _match(len(triangles), pairs, q)
+    chosen = _match(pairs, q, _shape(triangles, side))
     cells = [Cell(sides[k]) for k in chosen]  # type: ignore[arg-type]
     used = {t for k in chosen for t in pairs[k]}
     worst: set[int] = set()
+    chosen_bad = [k for k in chosen if q[k] < THIN]
+    for k in chosen_bad:
+        worst.update(id(a) for a in sides[k] if not a.straight)
     for i, t in enumerate(triangles):
         if i in used:
             continue
@@ -290,22 +295,82 @@ def _paired(loops: list[Loop], chord: ChordMaker) -> tuple[list[Cell] | None, se
     return cells, worst, ""
 
 
-def _match(count: int, pairs: list[tuple[int, int]], q: FloatArray) -> list[int]:
-    """Greedy matching of triangles, those with the fewest partners first, best shape first."""
+Triangle = tuple[int, int, int]
+
+
+def _shape(triangles: list[Triangle], side: Callable[[int, int], Arc]) -> FloatArray:
+    """Quality (n,) of triangles as cells with one collapsed side, curved sides included."""
+    four = []
+    for t in triangles:
+        p = [side_samples(side(t[k], t[(k + 1) % 3])) for k in range(3)]
+        for k in range(3):
+            a, b, c = p[k], p[(k + 1) % 3], p[(k + 2) % 3]
+            four.append((a, b, side_samples(None, b[-1]), c))
+    return np.asarray(quality(four).reshape(-1, 3).max(axis=1))
+
+
+def _reshaped(
+    triangles: list[Triangle], points: FloatArray, side: Callable[[int, int], Arc]
+) -> list[Triangle]:
+    """Diagonals swapped while that improves a bad triangle: Delaunay's rule sees chords only."""
+    tri = list(triangles)
+    q = _shape(tri, side)
+    for _ in range(6):
+        bad = [i for i in np.argsort(q).tolist() if q[i] < PAIRED]
+        if not bad:
+            break
+        owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(tri) for k in range(3)}
+        options: list[tuple[int, int, Triangle, Triangle]] = []
+        for i in bad:
+            for k in range(3):
+                a, b, c = tri[i][k], tri[i][(k + 1) % 3], tri[i][(k + 2) % 3]
+                j = owner.get((b, a))
+                if j is None:
+                    continue
+                d = next(x for x in tri[j] if x not in (a, b))
+                if _left(points, a, d, c) and _left(points, d, b, c):
+                    options.append((i, j, (a, d, c), (d, b, c)))
+        if not options:
+            break
+        new = _shape([t for o in options for t in o[2:]], side).reshape(-1, 2)
+        gain = new.min(axis=1) - np.array([min(q[i], q[j]) for i, j, *_ in options])
+        touched: set[int] = set()
+        for k in np.argsort(-gain).tolist():
+            i, j, s, t = options[k]
+            if gain[k] <= 0.01 or i in touched or j in touched:
+                continue
+            touched |= {i, j}
+            tri[i], tri[j] = s, t
+            q[i], q[j] = new[k]
+        if not touched:
+            break
+    return tri
+
+
+def _left(points: FloatArray, a: int, b: int, c: int) -> bool:
+    p, q, r = points[a], points[b], points[c]
+    cross = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+    return bool(cross > 1e-9 * (np.abs(q - p).sum() * np.abs(r - p).sum()))
+
+
+def _match(pairs: list[tuple[int, int]], q: FloatArray, alone: FloatArray) -> list[int]:
+    """Greedy matching of triangles, those with the fewest partners first, best shape first.
+
+    Triangles that make bad cells ``alone`` choose before all others.
+    """
+    count = len(alone)
     options: list[list[int]] = [[] for _ in range(count)]
     for k, (i, j) in enumerate(pairs):
-        if q[k] > PAIRED:
+        if q[k] > (PAIRED if min(alone[i], alone[j]) > THIN else THIN):
             options[i].append(k)
             options[j].append(k)
     free = [True] * count
     degree = [len(o) for o in options]
     chosen = []
-    import heapq
-
-    heap = [(d, i) for i, d in enumerate(degree) if d]
+    heap = [(alone[i] > THIN, d, i) for i, d in enumerate(degree) if d]
     heapq.heapify(heap)
     while heap:
-        d, i = heapq.heappop(heap)
+        first, d, i = heapq.heappop(heap)
         if not free[i] or d != degree[i]:
             continue
         live = [k for k in options[i] if free[pairs[k][0]] and free[pairs[k][1]]]
@@ -320,5 +385,5 @@ def _match(count: int, pairs: list[tuple[int, int]], q: FloatArray) -> list[int]
                 for other in pairs[k]:
                     if free[other]:
                         degree[other] -= 1
-                        heapq.heappush(heap, (degree[other], other))
+                        heapq.heappush(heap, (alone[other] > THIN, degree[other], other))
     return chosen
