@@ -25,6 +25,7 @@ app = App(
     help="Lighting simulation on exact CAD surfaces: STEP in, photometric report out.",
     version=lambda: version("patchlight"),
     version_flags=["--version"],
+    suppress_keyboard_interrupt=False,
 )
 
 Output = Annotated[Path | None, Parameter(name=["--output", "-o"])]

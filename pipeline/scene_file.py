@@ -164,12 +164,16 @@ def _sky_problem(values: dict[str, Any]) -> list[str]:
 
     from .scene_schema import SkyTable, SunTable
 
+    sun = None
+    if values.get("sun") is not None:
+        try:
+            sun = SunTable.model_validate(values["sun"])
+        except ValidationError:  # reported with its key; any position serves to check the rest
+            sun = SunTable(altitude_deg=45.0, azimuth_deg=180.0, normal_illuminance_lx=0.0)
     try:
-        sky = SkyTable.model_validate(values.get("sky"))
-        sun = values.get("sun")
-        sky.build_with(None if sun is None else SunTable.model_validate(sun))
+        SkyTable.model_validate(values.get("sky")).build_with(sun)
     except ValidationError:
-        return []  # no sky, or reported with its key already
+        return []  # no sky, or reported with its key
     except PatchlightError as error:
         return [f"sky: {error}"]
     return []

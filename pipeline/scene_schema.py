@@ -210,7 +210,8 @@ class SensorsTable(Table):
 
     name: Text
     z_m: Number | None = None
-    spacing_m: Number | Literal["en12464"] = 0.5
+    spacing_m: Number | Literal["en12464"] | None = None
+    """Largest cell, or the rule of EN 12464-1; 0.5 when not given. [m]"""
     margin_m: Number | None = None
     over: Text | None = None
     """Part pattern of the floor; the visible floor below z_m when not given."""
@@ -235,15 +236,15 @@ class SensorsTable(Table):
             "parts": {"faces", "spacing_m"},
             "points_m": {"normal"},
         }[form]
-        keys = ("margin_m", "over", "bounds_m", "normal", "faces")
+        keys = ("spacing_m", "margin_m", "over", "bounds_m", "normal", "faces")
         wrong = [k for k in keys if getattr(self, k) is not None and k not in allowed]
-        if "spacing_m" in self.model_fields_set and "spacing_m" not in allowed:
-            wrong.append("spacing_m")
         if wrong:
             raise ValueError(f"{', '.join(wrong)}: not used together with {form}")
         normal = self.normal or (0.0, 0.0, 1.0)
         if self.points_m is not None:
             return SensorGrid(self.points_m, normal, name=self.name)
+        if self.spacing_m is None:
+            self.spacing_m = 0.5
         if self.parts is not None:
             if isinstance(self.spacing_m, str):
                 raise ValueError("spacing_m: must be a number for sensors on faces")

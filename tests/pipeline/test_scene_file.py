@@ -1,0 +1,239 @@
+"""scene.toml: what it can say, and that everything wrong with it is said at once."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import pytest
+from patchlight.pipeline import CIESky, Ground, Site, load_scene
+from patchlight.pipeline.cli import main
+from patchlight.pipeline.scene_file import read_scene_file, resolved_config
+from patchlight.solver.errors import InputError, MissingFileError
+
+HEAD = 'schema_version = 1\n[[model]]\nfile = "room.step"\nname = "room"\n'
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, house):
+    """A folder with a room.step whose reading gives `house`."""
+    (tmp_path / "room.step").write_text("ISO-10303-21;")
+    monkeypatch.setattr("patchlight.importers.read_step", lambda path, **options: house)
+    return tmp_path
+
+
+def write(folder, text):
+    path = folder / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+FULL = """\
+schema_version = 1
+title = "Büro"
+accuracy = 0.02
+maintenance_factor = 0.8
+[site]
+latitude_deg = 50.1
+longitude_deg = 8.7
+timezone = "Europe/Berlin"
+north_deg = 90
+[[model]]
+file = "room.step"
+name = "room"
+at_m = [1, 0, 0]
+[[assign]]
+parts = "room/room"
+faces = "vertical"
+material = { reflectance = [0.6, 0.5, 0.4], name = "paint" }
+[[assign]]
+parts = "lamp*"
+emitter = { flux_lm = 3200, cct_k = 4000, group = "ceiling", power_w = 28 }
+[sky]
+type = 12
+diffuse_illuminance_lx = 12000
+[sun]
+altitude_deg = 40
+azimuth_deg = 180
+normal_illuminance_lx = 80000
+[ground]
+reflectance = 0.1
+[[sensors]]
+name = "workplane"
+z_m = 0.8
+spacing_m = 0.5
+over = "room/room"
+[[sensors]]
+name = "wall"
+parts = "room/room"
+faces = "vertical"
+spacing_m = 1.0
+[[sensors]]
+name = "points"
+points_m = [[1.5, 0.5, 1], [2, 1, 1]]
+normal = [0, 1, 0]
+[[cameras]]
+name = "door"
+eye_m = [1.5, 0.5, 1.6]
+target_m = [3, 2, 1.2]
+[[requirements]]
+sensors = "workplane"
+metric = "E_avg_lx"
+min = 500
+"""
+
+
+def test_everything_a_scene_file_can_say(folder):
+    scene = load_scene(write(folder, FULL))
+    data = scene.freeze()
+    assert (data.title, scene.accuracy, data.maintenance_factor) == ("Büro", 0.02, 0.8)
+    assert data.site == Site(50.1, 8.7, timezone="Europe/Berlin")
+    # The sky takes the position of the sun.
+    assert data.sky == CIESky(
+        12, sun_altitude_deg=40, sun_azimuth_deg=180, diffuse_illuminance_lx=12000
+    )
+    assert data.ground == Ground(0.1)
+    assert data.groups == ("ceiling", "sky", "sun", "ground")
+    assert [lamp.flux_lm for lamp in data.luminaires] == pytest.approx([2560, 2560])
+    assert [len(s) for s in data.sensors] == [48, 2 * 3 * (4 + 3), 2]
+    # at_m, then north along +x: the room's corner (1, 0) comes to (0, 1).
+    low, _ = data.patches.bounds()
+    assert low == pytest.approx([-3.0, 1.0, 0.0])
+    assert scene.requirements[0].min == 500
+
+
+def test_resolved_config_runs_again(folder):
+    path = write(folder, FULL)
+    text = resolved_config(read_scene_file(path), folder)
+    values = tomllib.loads(text)
+    assert values["model"][0]["file"] == str(folder / "room.step")
+    assert values["sensors"][0]["quantity"] == "planar"
+    assert "sha256" in text
+    again = write(folder / "..", text)
+    assert resolved_config(read_scene_file(again), folder) == text
+
+
+WRONG = """\
+schema_version = 1
+acuracy = 0.01
+[[model]]
+file = "nofile.step"
+scale = -1
+[[assign]]
+parts = "wall*"
+material = { reflectance = nan, specular = 0.1 }
+[[assign]]
+parts = "wall*"
+material = { reflectance = [0.1, 0.2, 3] }
+[[assign]]
+parts = "lamp"
+emitter = { flux_lm = 1, luminance_cd_m2 = 3 }
+[[assign]]
+parts = "lamp"
+[sky]
+type = 17
+[sun]
+altitude_deg = 100
+azimuth_deg = "south"
+normal_illuminance_lx = 1
+[[sensors]]
+name = "a"
+[[sensors]]
+name = "a"
+z_m = 1
+points_m = [[0, 0, 0]]
+[[cameras]]
+name = "c"
+eye_m = [0, 0]
+target_m = [1, 1, 1]
+[[requirements]]
+sensors = "workplane"
+metric = "E_avg"
+min = 3
+"""
+
+
+def test_all_problems_at_once_with_their_keys(tmp_path):
+    with pytest.raises(InputError) as error:
+        load_scene(write(tmp_path, WRONG))
+    lines = str(error.value).splitlines()
+    keys = {line.strip().split(": ")[0] for line in lines[1:]}
+    assert keys == {
+        "acuracy",
+        "model[0].file",
+        "model[0].scale",
+        "assign[0].material.reflectance",
+        "assign[0].material.specular",
+        "assign[1].material",
+        "assign[2].emitter",
+        "assign[3]",
+        "sky",
+        "sun.azimuth_deg",
+        "sensors[0]",
+        "sensors[1]",
+        "sensors[1].name",
+        "cameras[0].eye_m[2]",
+        "requirements[0]",
+        "requirements[0].sensors",
+    }
+    assert lines[0].endswith(f"{len(lines) - 1} problems")
+    assert "did you mean 'accuracy'" in str(error.value)
+
+
+def test_patterns_without_match_are_reported_together(folder):
+    text = HEAD + "".join(
+        f'[[assign]]\nparts = "{name}"\nmaterial = {{ reflectance = 0.3 }}\n'
+        for name in ("wal*", "desk", "lampe")
+    )
+    with pytest.raises(InputError) as error:
+        load_scene(write(folder, text))
+    message = str(error.value)
+    assert "assign[0]" in message and "assign[2]" in message and "assign[1]" not in message
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "daylight_factor = true",
+        "[[state]]\nname = 'open'",
+        "[sky]\nmodel = 'perez'",
+        "[[assign]]\nparts = 'desk'\nglass = { n = 1.5 }",
+        "[[assign]]\nparts = 'desk'\nmaterial = { mirror = 0.5 }",
+        "[[assign]]\nparts = 'desk'\nemitter = { flux_lm = 1, photometry = 'a.ies' }",
+        "[[sensors]]\nname = 'a'\nz_m = 1\nquantity = 'cylindrical'",
+    ],
+)
+def test_what_is_not_computed_is_no_option(folder, line):
+    # Top-level keys must stand before the first table.
+    text = f"schema_version = 1\n{line}\n" + HEAD.split("\n", 1)[1]
+    with pytest.raises(InputError):
+        load_scene(write(folder, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("schema_version = ", "not valid TOML"),
+        ("", "schema_version: missing"),
+        ("schema_version = 2\nmodel = []", "schema_version"),
+        ("schema_version = 1\nmodel = 3", "model"),
+    ],
+)
+def test_files_that_are_no_scene(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        load_scene(write(tmp_path, text))
+
+
+def test_missing_and_binary_files(tmp_path):
+    with pytest.raises(MissingFileError, match="no such file"):
+        load_scene(tmp_path / "none.toml")
+    (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8"):
+        load_scene(tmp_path / "b.toml")
+
+
+def test_schema_describes_the_keys(capsys):
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema["additionalProperties"] is False
+    assert set(schema["required"]) == {"schema_version", "model"}
