@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from .errors import InputError
 from .model.arrays import IntArray, check_finite, check_shape, frozen
+from .model.patches import PatchSet
 from .model.scene import SceneData
 from .raycast import RayCaster
 
@@ -47,7 +48,7 @@ class Containment:
         self._part_of = frozen(patches.part_index[rows], np.int64)
         self._solids = RayCaster(patches.take(rows))
         self._closed = RayCaster(patches.take(np.flatnonzero(closed)))
-        self._parts = len(scene.parts)
+        self._part_boxes = _part_boxes(patches.take(rows), len(scene.parts))
 
     def parts_at(self, points: ArrayLike) -> IntArray:
         """Row of a part whose material each point (m, 3) lies in, −1 for none: (m,) int. [m]"""
@@ -56,8 +57,8 @@ class Containment:
         p = frozen(points)
         check_shape("points", p, (None, 3))
         check_finite("points", p)
-        arrays = self._solids.arrays
-        return np.asarray(containing_parts(*arrays, self._part_of, self._parts, p, _DIRECTIONS))
+        arrays = (*self._solids.arrays, self._part_of, self._part_boxes)
+        return np.asarray(containing_parts(*arrays, p, _DIRECTIONS))
 
     def buried(self, nodes: ArrayLike, normals: ArrayLike, distance: float) -> IntArray:
         """Whether surface nodes (m, 3) with unit normals are covered: (m,) bool.
@@ -79,6 +80,15 @@ class Containment:
         rest = np.flatnonzero(~out)
         out[rest] = self.parts_at(x[rest] + distance * n[rest]) >= 0
         return out
+
+
+def _part_boxes(patches: PatchSet, parts: int) -> FloatArray:
+    """Boxes (parts, 6) around the control points of each part; inverted for parts without any."""
+    boxes = np.tile([np.inf] * 3 + [-np.inf] * 3, (parts, 1))
+    points = patches.control_points[..., :3] / patches.control_points[..., 3:]
+    np.minimum.at(boxes[:, :3], patches.part_index, points.min(axis=(1, 2)))
+    np.maximum.at(boxes[:, 3:], patches.part_index, points.max(axis=(1, 2)))
+    return frozen(boxes)
 
 
 def inside_solids(scene: SceneData, points: ArrayLike) -> IntArray:

@@ -1,0 +1,163 @@
+"""Sky, ground and sun as area sources at infinity.
+
+A direction is a point with weight 0; the contour integral and the pyramids take such nets as they
+are. Cells between two azimuths and two altitudes are exact, their edges being circles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import NumericsError
+from .kernels.dome import dome_rows
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray
+from .model.shapes import arc, frame
+from .model.sky import CIESky, Sun, direction
+from .skies import sky_parameters, sun_direction
+
+#: Receivers per kernel call.
+ROWS_PER_BLOCK = 64
+#: How often a cell of the dome is quartered at most: 45° / 2^9 is 5 arcmin.
+LEVELS = 9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DomeLight:
+    """Illuminance from one source at infinity; row i of every array is the same receiver.
+
+    Attributes
+    ----------
+    illuminance : (m,) array
+        Mean over the receiver's nodes. [lx]
+    deviation : (m,) array
+        Standard deviation of its sampled part. [lx]
+    factor : (m,) array
+        Form factor of the part of the source that is seen.
+    counters : dict
+        Cells traced and pyramid cells visited.
+    """
+
+    illuminance: FloatArray
+    deviation: FloatArray
+    factor: FloatArray
+    counters: dict[str, int]
+
+
+def dome_cells(low_deg: float, high_deg: float, *, azimuths: int = 8, bands: int = 2) -> FloatArray:
+    """Cells (azimuths x bands, 4, 4, 4) between two altitudes, seen from inside. [deg]"""
+    cuts = np.radians(np.linspace(low_deg, high_deg, bands + 1))
+    nets = []
+    for k in range(azimuths):
+        a = arc(2.0 * math.pi * k / azimuths, 2.0 * math.pi * (k + 1) / azimuths)
+        for lower, upper in zip(cuts[:-1], cuts[1:], strict=True):
+            g = arc(lower, upper)
+            c, s = g[:, 0].copy(), g[:, 1].copy()
+            if lower == 0.0:
+                s[0] = 0.0
+            if abs(upper - 0.5 * math.pi) < 1e-12:
+                c[-1] = 0.0  # the zenith exactly
+            if upper == 0.0:
+                s[-1] = 0.0
+            if abs(lower + 0.5 * math.pi) < 1e-12:
+                c[0] = 0.0
+            net = np.zeros((4, 4, 4))
+            net[..., 0] = a[:, None, 0] * c[None, :]
+            net[..., 1] = a[:, None, 1] * c[None, :]
+            net[..., 2] = a[:, None, 2] * s[None, :]
+            # u runs with the azimuth, v upwards: seen from inside that is clockwise.
+            nets.append(net[::-1])
+    return np.ascontiguousarray(nets)
+
+
+def sun_cells(sun: Sun) -> FloatArray:
+    """The sun's disc as four exact quarter discs of directions (4, 4, 4, 4)."""
+    e1, e2, e3 = frame(direction(sun.altitude_deg, sun.azimuth_deg))
+    t = math.tan(math.radians(sun.angular_radius_arcmin / 60.0))
+    nets = []
+    for k in range(4):
+        rim = arc(0.5 * math.pi * k, 0.5 * math.pi * (k + 1))
+        net = np.zeros((4, 4, 4))
+        for i in range(4):  # ruled from the centre to the rim, in homogeneous coordinates
+            share = i / 3.0
+            x, y = share * rim[:, 0], share * rim[:, 1]
+            w = (1.0 - share) + share * rim[:, 2]
+            net[i, :, :3] = w[:, None] * e3 + t * (x[:, None] * e1 + y[:, None] * e2)
+        nets.append(net[::-1])
+    return np.ascontiguousarray(nets)
+
+
+def gather(
+    nodes: FloatArray,
+    normals: FloatArray,
+    weights: FloatArray,
+    cells: FloatArray,
+    luminance: CIESky | float,
+    blockers: Blockers,
+    *,
+    eps: float,
+    cell_eps: float,
+    trace: bool = True,
+    levels: int = LEVELS,
+    progress: Callable[[int, int], None] | None = None,
+) -> DomeLight:
+    """Illuminance from cells at infinity on receivers (m, q, 3).
+
+    Parameters
+    ----------
+    nodes, normals : (m, q, 3) array
+        Nodes [m] and unit normals.
+    weights : (m, q) array
+        Share of each node, rows summing to 1; 0 where no light falls.
+    cells : (c, 4, 4, 4) array
+        From `dome_cells` or `sun_cells`.
+    luminance : CIESky or float
+        Distribution over the cells, or one luminance. [cd/m²]
+    blockers : Blockers
+        What hides the source.
+    eps, cell_eps : float
+        Relative accuracy of a cell; form factor below which a partly hidden cell is sampled.
+
+    Raises
+    ------
+    NumericsError
+        If a value is not finite.
+    """
+    if isinstance(luminance, CIESky):
+        tone = np.concatenate([sky_parameters(luminance), sun_direction(luminance)])
+        level = 1.0
+    else:
+        tone, level = np.empty(0), float(luminance)
+    m = len(nodes)
+    out, counters = np.zeros((m, 3)), np.zeros((m, 2), dtype=np.int64)
+    for start in range(0, m, ROWS_PER_BLOCK):
+        rows = slice(start, min(start + ROWS_PER_BLOCK, m))
+        dome_rows(
+            np.ascontiguousarray(nodes[rows]),
+            np.ascontiguousarray(normals[rows]),
+            np.ascontiguousarray(weights[rows]),
+            cells,
+            tone,
+            blockers,
+            eps,
+            cell_eps,
+            trace,
+            levels,
+            out[rows],
+            counters[rows],
+        )
+        if progress is not None:
+            progress(rows.stop, m)
+    if not np.isfinite(out).all():
+        raise NumericsError(f"light from infinity at receiver {np.argwhere(~np.isfinite(out))[0][0]}: not finite")
+    total = counters.sum(axis=0)
+    return DomeLight(
+        illuminance=math.pi * level * out[:, 0],
+        deviation=math.pi * level * np.sqrt(out[:, 1]),
+        factor=out[:, 2],
+        counters={"dome_cells_traced": int(total[0]), "pyramid_cells": int(total[1])},
+    )

@@ -1,0 +1,138 @@
+"""Form factors between elements, and from points to elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import NumericsError
+from .kernels.pyramid import Blockers
+from .kernels.rows import CELLS, SKIPPED_FACING, SKIPPED_HORIZON, TRACED, UNOCCLUDED
+from .kernels.rows import Sources, form_factor_rows
+from .model.arrays import FloatArray, IntArray
+from .model.elements import Elements
+from .topology import bounding_spheres, normal_cones, shape_flags
+
+#: Rows per kernel call: short enough to report progress and to obey Ctrl-C.
+ROWS_PER_BLOCK = 64
+#: How often a partly hidden element is quartered at most.
+LEVELS = 8
+
+COUNTERS = {
+    "pairs_not_facing": SKIPPED_FACING,
+    "pairs_below_horizon": SKIPPED_HORIZON,
+    "pairs_without_blocker": UNOCCLUDED,
+    "pairs_traced": TRACED,
+    "pyramid_cells": CELLS,
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Form factors from m receivers to n elements.
+
+    Attributes
+    ----------
+    factors : (m, n) array
+        Fraction of the light leaving receiver i that reaches element j.
+    variances : (m, n) array
+        Variance of the sampled part of each factor.
+    counters : dict
+        Pairs and cells by what was done with them.
+    """
+
+    factors: FloatArray
+    variances: FloatArray
+    counters: dict[str, int]
+
+
+def make_sources(elements: Elements, patch_nets: FloatArray, cell_eps: FloatArray) -> Sources:
+    """Pack elements as sources; they must be sorted by patch and side, as `make_elements` does."""
+    key = elements.patch_index * 2 + elements.side
+    first = np.flatnonzero(np.concatenate([[True], np.diff(key) != 0]))
+    end = np.concatenate([first[1:], [len(key)]])
+    patch = elements.patch_index[first]
+    group_nets = patch_nets[patch].copy()
+    flip = elements.side[first] == 1
+    group_nets[flip] = group_nets[flip][:, ::-1]
+    flags = shape_flags(np.ascontiguousarray(group_nets))
+    return Sources(
+        nets=elements.nets,
+        cones=normal_cones(elements.nets),
+        spheres=bounding_spheres(elements.nets),
+        flags=np.repeat(flags, end - first),
+        cell_eps=np.ascontiguousarray(cell_eps, dtype=np.float64),
+        group=np.ascontiguousarray(np.stack([first, end, patch], axis=1)),
+        group_nets=np.ascontiguousarray(group_nets),
+        group_cones=normal_cones(group_nets),
+        group_spheres=bounding_spheres(group_nets),
+    )
+
+
+def form_factor_matrix(
+    nodes: FloatArray,
+    normals: FloatArray,
+    weights: FloatArray,
+    patches: IntArray,
+    sources: Sources,
+    blockers: Blockers,
+    *,
+    eps: float = 1e-6,
+    trace: bool = True,
+    levels: int = LEVELS,
+    progress: Callable[[int, int], None] | None = None,
+) -> Rows:
+    """Mean form factors from receivers (m, q, 3) to every source element.
+
+    Parameters
+    ----------
+    nodes, normals : (m, q, 3) array
+        Receiver nodes [m] and unit normals.
+    weights : (m, q) array
+        Share of each node, rows summing to 1; 0 for nodes that get no light.
+    patches : (m,) int array
+        Patch each receiver lies on, −1 in the open.
+    sources, blockers
+        From `make_sources` and `topology.make_blockers`.
+    eps : float
+        Relative accuracy of unoccluded factors.
+    trace : bool
+        False where nothing can hide anything.
+    levels : int
+        How often a partly hidden element is quartered at most.
+    progress : callable, optional
+        Called as ``progress(rows_done, rows_total)``.
+
+    Raises
+    ------
+    NumericsError
+        If a form factor is not finite.
+    """
+    m, n = len(nodes), len(sources.nets)
+    factors, variances = np.zeros((m, n)), np.zeros((m, n), dtype=np.float32)
+    counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
+    for start in range(0, m, ROWS_PER_BLOCK):
+        rows = slice(start, min(start + ROWS_PER_BLOCK, m))
+        form_factor_rows(
+            np.ascontiguousarray(nodes[rows]),
+            np.ascontiguousarray(normals[rows]),
+            np.ascontiguousarray(weights[rows]),
+            np.ascontiguousarray(patches[rows]),
+            sources,
+            blockers,
+            eps,
+            trace,
+            levels,
+            factors[rows],
+            variances[rows],
+            counters[rows],
+        )
+        if not np.isfinite(factors[rows]).all():
+            i, j = np.argwhere(~np.isfinite(factors[rows]))[0]
+            raise NumericsError(f"form factor from receiver {start + i} to element {j}: not finite")
+        if progress is not None:
+            progress(rows.stop, m)
+    total = counters.sum(axis=0)
+    return Rows(factors, variances, {name: int(total[c]) for name, c in COUNTERS.items()})

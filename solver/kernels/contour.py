@@ -1,0 +1,363 @@
+"""Form factor from a point to a curved patch by Gauss quadrature of its boundary contour.
+
+With r = p − x on the boundary, counter-clockwise about the source's +normal, and receiver normal n,
+
+    F = −(1/2π) ∮ n · (r × dr) / |r|²                                     [1, eq. 4.31; 2]
+
+In homogeneous form H(t) = A(t) − x w(t) the weights cancel: (r × dr)/|r|² = (H × H')/|H|² dt, so a
+rational cubic edge needs no division by w, and an edge at infinity (w = 0, a direction) is an edge
+like any other. Parts below the receiver's horizon are cut off at the roots of n · H(t) and closed
+along the horizon plane, where the integrand is the angle turned through.
+
+Shifted nets ``s`` are (4, 4, 4): ``s[i, j, :3]`` = A − x w, ``s[i, j, 3]`` = w.
+
+References
+----------
+.. [1] J. R. Howell, M. P. Mengüç, K. Daun, R. Siegel, "Thermal Radiation Heat Transfer", 7th ed.,
+   CRC Press, 2020.
+.. [2] T. Nishita, E. Nakamae, "A New Radiosity Approach Using Area Sampling for Parametric
+   Patches", 1993, eq. 4 (an irradiance for unit radiance: π times a form factor).
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+TWO_PI = 2.0 * math.pi
+
+
+def _rules() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss rules on [0, 1] of every order up to 12, packed one behind the other."""
+    nodes, weights, start = [], [], [0]
+    for order in range(13):
+        if order:
+            x, w = np.polynomial.legendre.leggauss(order)
+            nodes.extend(0.5 * (x + 1.0))
+            weights.extend(0.5 * w)
+        start.append(len(nodes))
+    return np.array(nodes), np.array(weights), np.array(start)
+
+
+GAUSS_NODES, GAUSS_WEIGHTS, GAUSS_START = _rules()
+
+
+@nb.njit(cache=True, error_model="numpy")
+def shift_net(net, x, s):
+    """Write the net relative to point ``x`` into ``s``."""
+    for i in range(4):
+        for j in range(4):
+            w = net[i, j, 3]
+            s[i, j, 0] = net[i, j, 0] - x[0] * w
+            s[i, j, 1] = net[i, j, 1] - x[1] * w
+            s[i, j, 2] = net[i, j, 2] - x[2] * w
+            s[i, j, 3] = w
+
+
+@nb.njit(cache=True, error_model="numpy")
+def load_edge(s, k, c):
+    """Copy boundary edge ``k`` (v=0, u=1, v=1, u=0; counter-clockwise) of ``s`` into ``c`` (4, 3)."""
+    for i in range(4):
+        if k == 0:
+            a, b = i, 0
+        elif k == 1:
+            a, b = 3, i
+        elif k == 2:
+            a, b = 3 - i, 3
+        else:
+            a, b = 0, 3 - i
+        c[i, 0] = s[a, b, 0]
+        c[i, 1] = s[a, b, 1]
+        c[i, 2] = s[a, b, 2]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _point(c, t, h):
+    """Evaluate the cubic ``c`` at ``t`` into ``h`` (3,)."""
+    r = 1.0 - t
+    b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
+    for k in range(3):
+        h[k] = b0 * c[0, k] + b1 * c[1, k] + b2 * c[2, k] + b3 * c[3, k]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def chord_term(px, py, pz, qx, qy, qz, n):
+    """Contour term of a straight edge (great-circle arc) from p to q: n · (p × q) β / |p × q|."""
+    cx = py * qz - pz * qy
+    cy = pz * qx - px * qz
+    cz = px * qy - py * qx
+    size = math.sqrt(cx * cx + cy * cy + cz * cz)
+    if size == 0.0:
+        return 0.0
+    beta = math.atan2(size, px * qx + py * qy + pz * qz)
+    return (n[0] * cx + n[1] * cy + n[2] * cz) * (beta / size)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _is_great_circle(c):
+    """Whether all control vectors lie in one plane through the receiver."""
+    mx = c[0, 1] * c[3, 2] - c[0, 2] * c[3, 1]
+    my = c[0, 2] * c[3, 0] - c[0, 0] * c[3, 2]
+    mz = c[0, 0] * c[3, 1] - c[0, 1] * c[3, 0]
+    m = math.sqrt(mx * mx + my * my + mz * mz)
+    ends = math.sqrt(
+        (c[0, 0] ** 2 + c[0, 1] ** 2 + c[0, 2] ** 2) * (c[3, 0] ** 2 + c[3, 1] ** 2 + c[3, 2] ** 2)
+    )
+    if m <= 1e-13 * ends:
+        return False
+    # Rounding of the triple product grows with ends / m; below 1e-11 the sagitta is invisible.
+    tolerance = 1e-11 + 1e-15 * ends / m
+    for i in range(1, 3):
+        d = abs(mx * c[i, 0] + my * c[i, 1] + mz * c[i, 2])
+        size = math.sqrt(c[i, 0] ** 2 + c[i, 1] ** 2 + c[i, 2] ** 2)
+        if d > tolerance * m * size:
+            return False
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def curve_term(c, ta, tb, n, eps):
+    """∫ n · (H × H')/|H|² dt of a curved edge over [ta, tb].
+
+    The order follows from the pole of 1/|H|² nearest to the interval (Bernstein ellipse); where it
+    would exceed 12 the interval is halved. At most 64 intervals wait and 400 are visited, which
+    reaches 1e-12 of the edge; a point on the edge itself then gets the principal value.
+    """
+    stack = np.empty((64, 2))
+    stack[0, 0], stack[0, 1] = ta, tb
+    top = 1
+    total = 0.0
+    log_eps = -math.log(eps)
+    d = np.empty((3, 3))
+    for k in range(3):
+        d[0, k] = 3.0 * (c[1, k] - c[0, k])
+        d[1, k] = 3.0 * (c[2, k] - c[1, k])
+        d[2, k] = 3.0 * (c[3, k] - c[2, k])
+    for _ in range(400):
+        if top == 0:
+            break
+        top -= 1
+        a, b = stack[top, 0], stack[top, 1]
+        half = 0.5 * (b - a)
+        t = a + half
+        r = 1.0 - t
+        b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
+        e0, e1, e2 = r * r, 2.0 * t * r, t * t
+        hx = b0 * c[0, 0] + b1 * c[1, 0] + b2 * c[2, 0] + b3 * c[3, 0]
+        hy = b0 * c[0, 1] + b1 * c[1, 1] + b2 * c[2, 1] + b3 * c[3, 1]
+        hz = b0 * c[0, 2] + b1 * c[1, 2] + b2 * c[2, 2] + b3 * c[3, 2]
+        gx = e0 * d[0, 0] + e1 * d[1, 0] + e2 * d[2, 0]
+        gy = e0 * d[0, 1] + e1 * d[1, 1] + e2 * d[2, 1]
+        gz = e0 * d[0, 2] + e1 * d[1, 2] + e2 * d[2, 2]
+        speed2 = gx * gx + gy * gy + gz * gz
+        order = 3
+        if speed2 > 0.0:
+            foot = -(hx * gx + hy * gy + hz * gz) / speed2 / half
+            mx, my, mz = hy * gz - hz * gy, hz * gx - hx * gz, hx * gy - hy * gx
+            away = math.sqrt(mx * mx + my * my + mz * mz) / speed2 / half
+            big = 0.5 * (math.hypot(foot - 1.0, away) + math.hypot(foot + 1.0, away))
+            rho = big + math.sqrt(max(big * big - 1.0, 0.0))
+            if rho > 1.5:
+                order = max(3, int(log_eps / (2.0 * math.log(rho))) + 2)
+            else:
+                order = 99
+        if order > 12:
+            if top + 2 <= 64 and half > 1e-13:
+                stack[top, 0], stack[top, 1] = t, b
+                stack[top + 1, 0], stack[top + 1, 1] = a, t
+                top += 2
+                continue
+            order = 12
+        part = 0.0
+        for g in range(GAUSS_START[order], GAUSS_START[order + 1]):
+            t = a + 2.0 * half * GAUSS_NODES[g]
+            r = 1.0 - t
+            b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
+            e0, e1, e2 = r * r, 2.0 * t * r, t * t
+            hx = b0 * c[0, 0] + b1 * c[1, 0] + b2 * c[2, 0] + b3 * c[3, 0]
+            hy = b0 * c[0, 1] + b1 * c[1, 1] + b2 * c[2, 1] + b3 * c[3, 1]
+            hz = b0 * c[0, 2] + b1 * c[1, 2] + b2 * c[2, 2] + b3 * c[3, 2]
+            gx = e0 * d[0, 0] + e1 * d[1, 0] + e2 * d[2, 0]
+            gy = e0 * d[0, 1] + e1 * d[1, 1] + e2 * d[2, 1]
+            gz = e0 * d[0, 2] + e1 * d[1, 2] + e2 * d[2, 2]
+            num = (
+                n[0] * (hy * gz - hz * gy)
+                + n[1] * (hz * gx - hx * gz)
+                + n[2] * (hx * gy - hy * gx)
+            )
+            part += GAUSS_WEIGHTS[g] * num / (hx * hx + hy * hy + hz * hz + 1e-100)
+        total += 2.0 * half * part
+    return total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def edge_term(c, ta, tb, n, eps):
+    """Contour term of edge ``c`` over [ta, tb]; closed form where it is straight seen from x."""
+    if _is_great_circle(c):
+        p, q = np.empty(3), np.empty(3)
+        _point(c, ta, p)
+        _point(c, tb, q)
+        return chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
+    return curve_term(c, ta, tb, n, eps)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _cubic(s0, s1, s2, s3, t):
+    r = 1.0 - t
+    return r * r * r * s0 + 3.0 * t * r * r * s1 + 3.0 * t * t * r * s2 + t * t * t * s3
+
+
+@nb.njit(cache=True, error_model="numpy")
+def sign_breaks(s0, s1, s2, s3, out):
+    """Write 0, the sign changes of a Bernstein cubic inside (0, 1), and 1 into ``out`` (8,).
+
+    The extrema of the cubic bound intervals on which it is monotone; each holds at most one root.
+    """
+    a = s3 - 3.0 * s2 + 3.0 * s1 - s0
+    b = s2 - 2.0 * s1 + s0
+    c = s1 - s0
+    cuts = np.empty(4)
+    cuts[0] = 0.0
+    m = 1
+    if a == 0.0:
+        if b != 0.0 and 0.0 < -0.5 * c / b < 1.0:
+            cuts[m] = -0.5 * c / b
+            m += 1
+    else:
+        disc = b * b - a * c
+        if disc > 0.0:
+            # Stable roots of a t² + 2 b t + c.
+            q = -(b + math.copysign(math.sqrt(disc), b))
+            t1, t2 = q / a, (c / q if q != 0.0 else -1.0)
+            if t1 > t2:
+                t1, t2 = t2, t1
+            if 0.0 < t1 < 1.0:
+                cuts[m] = t1
+                m += 1
+            if 0.0 < t2 < 1.0:
+                cuts[m] = t2
+                m += 1
+    cuts[m] = 1.0
+    count = 1
+    out[0] = 0.0
+    for k in range(m):
+        lo, hi = cuts[k], cuts[k + 1]
+        flo, fhi = _cubic(s0, s1, s2, s3, lo), _cubic(s0, s1, s2, s3, hi)
+        if (flo > 0.0) == (fhi > 0.0):
+            continue
+        for _ in range(200):  # bisection with a secant guess: never leaves the bracket
+            mid = 0.5 * (lo + hi)
+            if fhi != flo:
+                guess = lo - flo * (hi - lo) / (fhi - flo)
+                if lo < guess < hi and _ % 3 != 2:
+                    mid = guess
+            if hi - lo <= 2e-16 or mid <= lo or mid >= hi:
+                break
+            fm = _cubic(s0, s1, s2, s3, mid)
+            if fm == 0.0:
+                lo = hi = mid
+                break
+            if (fm > 0.0) == (flo > 0.0):
+                lo, flo = mid, fm
+            else:
+                hi, fhi = mid, fm
+        root = 0.5 * (lo + hi)
+        if root > out[count - 1] and root < 1.0:
+            out[count] = root
+            count += 1
+    out[count] = 1.0
+    return count + 1
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _closing_angle(ax, ay, az, bx, by, bz, n):
+    """Signed angle from direction a to b about n: the contour term along the horizon."""
+    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    # Both lie in the horizon plane up to rounding.
+    return math.atan2(n[0] * cx + n[1] * cy + n[2] * cz, ax * bx + ay * by + az * bz)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def horizon_tolerance(x):
+    """Height below which a point counts as on the horizon: rounding of the coordinates."""
+    return 4e-15 * (abs(x[0]) + abs(x[1]) + abs(x[2]))
+
+
+@nb.njit(cache=True, error_model="numpy")
+def contour_factor(s, n, eps, rounding):
+    """Signed form factor of the part of the shifted net ``s`` above the horizon.
+
+    Positive when the +normal side is seen. ``rounding`` is `horizon_tolerance` of the receiver.
+    """
+    c = np.empty((4, 3))
+    breaks = np.empty(8)
+    h = np.empty(3)
+    total = 0.0
+    above = False
+    began = False  # whether the first interval has been seen
+    have_exit = False
+    have_first_entry = False
+    ex = ey = ez = 0.0
+    fx = fy = fz = 0.0
+    for k in range(4):
+        load_edge(s, k, c)
+        size = 0.0
+        for i in range(1, 4):
+            size = max(size, abs(c[i, 0] - c[0, 0]) + abs(c[i, 1] - c[0, 1]) + abs(c[i, 2] - c[0, 2]))
+        scale = abs(c[0, 0]) + abs(c[0, 1]) + abs(c[0, 2])
+        if size <= 1e-15 * scale:
+            continue  # collapsed edge (a pole): no length, no light
+        s0 = n[0] * c[0, 0] + n[1] * c[0, 1] + n[2] * c[0, 2]
+        s1 = n[0] * c[1, 0] + n[1] * c[1, 1] + n[2] * c[1, 2]
+        s2 = n[0] * c[2, 0] + n[1] * c[2, 1] + n[2] * c[2, 2]
+        s3 = n[0] * c[3, 0] + n[1] * c[3, 1] + n[2] * c[3, 2]
+        zero = rounding + 4e-16 * (scale + size)
+        if abs(s0) <= zero:
+            s0 = 0.0
+        if abs(s1) <= zero:
+            s1 = 0.0
+        if abs(s2) <= zero:
+            s2 = 0.0
+        if abs(s3) <= zero:
+            s3 = 0.0
+        low = min(min(s0, s1), min(s2, s3))
+        high = max(max(s0, s1), max(s2, s3))
+        if low >= 0.0 and high > 0.0:
+            count = 2
+            breaks[0], breaks[1] = 0.0, 1.0
+        elif high <= 0.0:
+            count = 2
+            breaks[0], breaks[1] = 0.0, 1.0
+        else:
+            count = sign_breaks(s0, s1, s2, s3, breaks)
+        for m in range(count - 1):
+            ta, tb = breaks[m], breaks[m + 1]
+            up = high > 0.0 and _cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0
+            if up:
+                if not above:
+                    _point(c, ta, h)
+                    if have_exit:
+                        total += _closing_angle(ex, ey, ez, h[0], h[1], h[2], n)
+                        have_exit = False
+                    elif began:
+                        have_first_entry = True
+                        fx, fy, fz = h[0], h[1], h[2]
+                    above = True
+                total += edge_term(c, ta, tb, n, eps)
+            elif above:
+                _point(c, ta, h)
+                ex, ey, ez = h[0], h[1], h[2]
+                have_exit = True
+                above = False
+            began = True
+    if have_exit and have_first_entry:
+        total += _closing_angle(ex, ey, ez, fx, fy, fz, n)
+    elif have_exit:
+        # The loop began above the horizon and ends below it, at its first point.
+        load_edge(s, 0, c)
+        total += _closing_angle(ex, ey, ez, c[0, 0], c[0, 1], c[0, 2], n)
+    elif above and have_first_entry:
+        # It began below and ends above: the first entry closes at the first point.
+        load_edge(s, 0, c)
+        total += _closing_angle(c[0, 0], c[0, 1], c[0, 2], fx, fy, fz, n)
+    return -total / TWO_PI

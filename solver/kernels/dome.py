@@ -1,0 +1,71 @@
+"""Light from infinity: sky, ground and sun as cells of directions, past curved blockers."""
+
+import numba as nb
+import numpy as np
+
+from .contour import horizon_tolerance, shift_net
+from .patch_factor import ALWAYS_FRONT, heights
+from .pyramid import NO_BLOCKER, see_blockers, visible_factor
+
+
+@nb.njit(cache=True, error_model="numpy", parallel=True)
+def dome_rows(
+    nodes, normals, weights, cells, tone, blockers, eps, cell_eps, trace, levels, out, counters
+):
+    """Weighted form factors from receivers with q nodes each to cells at infinity.
+
+    Parameters
+    ----------
+    nodes, normals : (m, q, 3) array
+        Receiver nodes [m] and unit normals.
+    weights : (m, q) array
+        Share of each node; 0 for nodes that get no light.
+    cells : (c, 4, 4, 4) array
+        Nets of directions, all weights 0, counter-clockwise seen from the receiver.
+    tone : (10,) array, or (0,)
+        See `pyramid.visible_factor`.
+    eps, cell_eps, levels
+        Relative accuracy of a cell, the factor below which a cell is sampled, and how often a
+        cell is quartered at most.
+    out : (m, 3) array
+        Receives the sum of luminance x form factor, the variance of its sampled part, and the
+        plain form factor of what is seen.
+    counters : (m, 2) int array
+        Cells at infinity traced, and pyramid cells visited.
+    """
+    p = blockers.nets.shape[0]
+    for i in nb.prange(nodes.shape[0]):
+        shifted = np.empty((p, 4, 4, 4))
+        state = np.zeros(p, dtype=np.int64)
+        listed = np.empty(p + 1, dtype=np.int64)
+        lists = np.empty((levels + 1, p + 1), dtype=np.int64)
+        s, found, cone = np.empty((4, 4, 4)), np.empty(4), np.zeros(4)
+        x, n = np.empty(3), np.empty(3)
+        for q in range(nodes.shape[1]):
+            w = weights[i, q]
+            if w == 0.0:
+                continue
+            for k in range(3):
+                x[k], n[k] = nodes[i, q, k], normals[i, q, k]
+            rounding = horizon_tolerance(x)
+            count = 0
+            if trace:
+                see_blockers(blockers, x, n, rounding, shifted, state)
+                for b in range(p):
+                    if state[b] != NO_BLOCKER:
+                        listed[count] = b
+                        count += 1
+            for c in range(cells.shape[0]):
+                shift_net(cells[c], x, s)
+                _, _, high = heights(s, n)
+                if high <= 0.0:
+                    continue
+                visible_factor(
+                    s, x, n, cone, ALWAYS_FRONT, -1, eps, cell_eps, rounding, tone, blockers,
+                    shifted, state, listed, count, lists, found,
+                )  # fmt: skip
+                out[i, 0] += w * found[0]
+                out[i, 1] += w * w * found[1]
+                out[i, 2] += w * found[3]
+                counters[i, 0] += 1
+                counters[i, 1] += int(found[2])

@@ -1,0 +1,581 @@
+"""Pyramid tracing: which part of a curved cell a point sees past curved blockers.
+
+The pyramid of a cell has its apex in the receiver; its four side planes go through the receiver
+and contain every control point of the cell on their inner side, so all tests are made on control
+points in homogeneous form, valid across the plane of the receiver [1, eq. 14].
+
+A cell's visibility is constant when no *shadow edge* meets its pyramid: an edge of a blocker whose
+other side does not continue as a blocker seen from the same side. Then one ray decides the whole
+cell. Edges between two blockers seen from the same side cast no shadow line, so blockers that
+touch are one blocker: nothing leaks between them. Other cells are quartered until their form
+factor is below the tolerance, and then sampled.
+
+Blockers that bound a closed solid block with their front only: what a ray hits first, from outside.
+
+References
+----------
+.. [1] T. Nishita, E. Nakamae, "A New Radiosity Approach Using Area Sampling for Parametric
+   Patches", 1993, sec. 4.2.2.
+"""
+
+import math
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from .patch_factor import (
+    ALWAYS_FRONT,
+    PLANAR,
+    facing_of,
+    halve_u,
+    halve_v,
+    heights,
+    normal_cone,
+    patch_factor,
+    surface,
+)
+from .ray_patch import MISS, WORK, ray_patch_any
+from .sky_luminance import sky_luminance
+
+#: States of a blocker seen from a receiver.
+NO_BLOCKER, FRONT, BACK, MIXED = 0, 1, 2, 3
+_STACK = 64
+#: Cells looked at for one pair before the rest is sampled at the size it has.
+MAX_CELLS = 20000
+#: Points this close to a side plane, relative to their size, count as outside: neighbours touch.
+_TOUCH = 1e-11
+
+
+class Blockers(NamedTuple):
+    """Patches that hide light; row b of every array is the same patch.
+
+    Attributes
+    ----------
+    nets : (p, 4, 4, 4) array
+        Homogeneous control nets. [m]
+    kinds : (p,) int array
+        `ray_patch.classify_patches`.
+    closed : (p,) bool array
+        Bounds a closed solid: blocks with its front only.
+    adjacent : (p, 4) int array
+        Patch on the other side of each boundary edge, −1 where none.
+    cones : (p, 4) array
+        Axis and sine of the half-angle of the normals.
+    flags : (p,) int array
+        `patch_factor.PLANAR`, `CONVEX`, `CONCAVE`.
+    solid : (p,) int array
+        Solid (part) the patch belongs to.
+    bulging : (solids,) bool array
+        The solid is convex: from outside, no patch of it sees or hides another one.
+    hollow : (solids,) bool array
+        The solid is a convex cavity: from inside, no patch of it hides another one.
+    spheres : (p, 4) array
+        Centre and radius of a bounding sphere. [m]
+    """
+
+    nets: np.ndarray
+    kinds: np.ndarray
+    closed: np.ndarray
+    adjacent: np.ndarray
+    cones: np.ndarray
+    flags: np.ndarray
+    solid: np.ndarray
+    bulging: np.ndarray
+    hollow: np.ndarray
+    spheres: np.ndarray
+
+
+@nb.njit(cache=True, error_model="numpy")
+def see_blockers(blockers, x, n, rounding, shifted, state):
+    """Shift all blockers to receiver ``x`` and tell from which side each is seen.
+
+    Blockers wholly below the horizon, and closed ones seen from behind, are no blockers.
+    """
+    for b in range(blockers.nets.shape[0]):
+        state[b] = NO_BLOCKER
+        dx = blockers.spheres[b, 0] - x[0]
+        dy = blockers.spheres[b, 1] - x[1]
+        dz = blockers.spheres[b, 2] - x[2]
+        if n[0] * dx + n[1] * dy + n[2] * dz <= -blockers.spheres[b, 3]:
+            continue
+        high = -1e300
+        for i in range(4):
+            for j in range(4):
+                w = blockers.nets[b, i, j, 3]
+                px = blockers.nets[b, i, j, 0] - x[0] * w
+                py = blockers.nets[b, i, j, 1] - x[1] * w
+                pz = blockers.nets[b, i, j, 2] - x[2] * w
+                shifted[b, i, j, 0] = px
+                shifted[b, i, j, 1] = py
+                shifted[b, i, j, 2] = pz
+                shifted[b, i, j, 3] = w
+                high = max(high, n[0] * px + n[1] * py + n[2] * pz)
+        if high <= rounding:
+            continue
+        facing = facing_of(shifted[b], blockers.cones[b], rounding)
+        if blockers.cones[b, 3] == 0.0 and facing < 0:
+            # A plane: behind it, or in it (then it is seen edge-on and hides nothing).
+            h = shifted[b, 0, 0]
+            c = blockers.cones[b]
+            if abs(h[0] * c[0] + h[1] * c[1] + h[2] * c[2]) <= rounding:
+                continue
+        if facing > 0:
+            state[b] = FRONT
+        elif facing < 0:
+            state[b] = NO_BLOCKER if blockers.closed[b] else BACK
+        else:
+            state[b] = MIXED
+
+
+@nb.njit(cache=True, error_model="numpy")
+def make_pyramid(s, planes):
+    """Side planes (4, 3), unit normals inward, of shifted cell ``s``, its view axis and depths.
+
+    ``planes`` (8, 3): rows 0–3 side planes; row 4 the axis; row 5 (nearest, farthest) depth of the
+    control points along the axis; returns False where the cell is too wide for a pyramid.
+    """
+    ax = ay = az = 0.0
+    for i in (0, 3):
+        for j in (0, 3):
+            x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+            size = math.sqrt(x * x + y * y + z * z)
+            if size == 0.0:
+                return False
+            ax += x / size
+            ay += y / size
+            az += z / size
+    size = math.sqrt(ax * ax + ay * ay + az * az)
+    if size < 1e-6:
+        return False
+    ax, ay, az = ax / size, ay / size, az / size
+    planes[4, 0], planes[4, 1], planes[4, 2] = ax, ay, az
+    near, far = 1e300, -1e300
+    for i in range(4):
+        for j in range(4):
+            x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+            depth = ax * x + ay * y + az * z
+            length = math.sqrt(x * x + y * y + z * z)
+            if depth <= 0.05 * length:
+                return False
+            w = s[i, j, 3]
+            if w > 0.0:
+                near = min(near, depth / w)
+                far = max(far, depth / w)
+            else:
+                near = far = 1e300
+    planes[5, 0], planes[5, 1] = near, far
+    for k in range(4):
+        if k == 0:
+            p, q = s[0, 0], s[3, 0]
+        elif k == 1:
+            p, q = s[3, 0], s[3, 3]
+        elif k == 2:
+            p, q = s[3, 3], s[0, 3]
+        else:
+            p, q = s[0, 3], s[0, 0]
+        mx = p[1] * q[2] - p[2] * q[1]
+        my = p[2] * q[0] - p[0] * q[2]
+        mz = p[0] * q[1] - p[1] * q[0]
+        length = math.sqrt(mx * mx + my * my + mz * mz)
+        ends = math.sqrt(
+            (p[0] ** 2 + p[1] ** 2 + p[2] ** 2) * (q[0] ** 2 + q[1] ** 2 + q[2] ** 2)
+        )
+        if length <= 1e-12 * ends:
+            # A collapsed side bounds nothing: a plane that is never separating.
+            planes[k, 0], planes[k, 1], planes[k, 2] = 0.0, 0.0, 0.0
+            continue
+        mx, my, mz = mx / length, my / length, mz / length
+        if mx * ax + my * ay + mz * az < 0.0:
+            mx, my, mz = -mx, -my, -mz
+        # Curved sides bulge: turn the plane outwards until it holds all control points.
+        turn = 0.0
+        for i in range(4):
+            for j in range(4):
+                x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+                d = mx * x + my * y + mz * z
+                if d < 0.0:
+                    turn = max(turn, -d / (ax * x + ay * y + az * z))
+        if turn > 1e-12:
+            mx, my, mz = mx + turn * ax, my + turn * ay, mz + turn * az
+            length = math.sqrt(mx * mx + my * my + mz * mz)
+            mx, my, mz = mx / length, my / length, mz / length
+        planes[k, 0], planes[k, 1], planes[k, 2] = mx, my, mz
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def outside_pyramid(planes, s):
+    """Whether all control points of ``s`` lie outside one side plane or behind the receiver."""
+    for k in range(4):
+        mx, my, mz = planes[k, 0], planes[k, 1], planes[k, 2]
+        if mx == 0.0 and my == 0.0 and mz == 0.0:
+            continue
+        outside = True
+        for i in range(4):
+            for j in range(4):
+                x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+                if mx * x + my * y + mz * z > _TOUCH * (abs(x) + abs(y) + abs(z)):
+                    outside = False
+                    break
+            if not outside:
+                break
+        if outside:
+            return True
+    mx, my, mz = planes[4, 0], planes[4, 1], planes[4, 2]
+    for i in range(4):
+        for j in range(4):
+            if mx * s[i, j, 0] + my * s[i, j, 1] + mz * s[i, j, 2] > 0.0:
+                return False
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _edge_outside(planes, n, rounding, s, side):
+    """Whether boundary edge ``side`` of ``s`` is below the horizon or outside one side plane."""
+    high = -1e300
+    for m in range(4):
+        if side == 0:
+            i, j = m, 0
+        elif side == 1:
+            i, j = 3, m
+        elif side == 2:
+            i, j = m, 3
+        else:
+            i, j = 0, m
+        high = max(high, n[0] * s[i, j, 0] + n[1] * s[i, j, 1] + n[2] * s[i, j, 2])
+    if high <= rounding:
+        return True
+    for k in range(4):
+        mx, my, mz = planes[k, 0], planes[k, 1], planes[k, 2]
+        if mx == 0.0 and my == 0.0 and mz == 0.0:
+            continue
+        outside = True
+        for m in range(4):
+            if side == 0:
+                i, j = m, 0
+            elif side == 1:
+                i, j = 3, m
+            elif side == 2:
+                i, j = m, 3
+            else:
+                i, j = 0, m
+            x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+            if mx * x + my * y + mz * z > _TOUCH * (abs(x) + abs(y) + abs(z)):
+                outside = False
+                break
+        if outside:
+            return True
+    return False
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _one_sided_within(planes, s, rounding, parts):
+    """Whether all of blocker ``s`` that meets the pyramid is seen from one side.
+
+    The blocker is quartered twice at most; ``parts`` (12, 4, 4, 4) is scratch.
+    """
+    cone = np.empty(4)
+    low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
+    level = np.zeros(12, dtype=np.int64)
+    parts[0] = s
+    top = 1
+    seen = 0
+    while top > 0:
+        top -= 1
+        if outside_pyramid(planes, parts[top]):
+            continue
+        normal_cone(parts[top], cone)
+        facing = facing_of(parts[top], cone, rounding)
+        if facing != 0:
+            if seen == -facing:
+                return False
+            seen = facing
+            continue
+        deep = level[top]
+        if deep == 2:
+            return False
+        halve_u(parts[top], low_u, high_u)
+        halve_v(low_u, parts[top], parts[top + 1])
+        halve_v(high_u, parts[top + 2], parts[top + 3])
+        for k in range(4):
+            level[top + k] = deep + 1
+        top += 4
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _cell_depths(s, cone, depths):
+    """Least and largest N · P over the cell, N its mean normal turned away from the receiver."""
+    low, high = 1e300, -1e300
+    for i in range(4):
+        for j in range(4):
+            w = s[i, j, 3]
+            if w <= 0.0:
+                depths[0], depths[1] = 1e300, 1e300
+                return
+            d = -(cone[0] * s[i, j, 0] + cone[1] * s[i, j, 1] + cone[2] * s[i, j, 2]) / w
+            low = min(low, d)
+            high = max(high, d)
+    depths[0], depths[1] = low, high
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _depth_of(s, cone, planes, depths, front_facing, tolerance):
+    """Order of blocker ``s`` and the cell: 1 wholly beyond, −1 wholly in front, 0 neither."""
+    low, high = 1e300, -1e300
+    near, far = 1e300, -1e300
+    for i in range(4):
+        for j in range(4):
+            x, y, z, w = s[i, j, 0], s[i, j, 1], s[i, j, 2], s[i, j, 3]
+            d = -(cone[0] * x + cone[1] * y + cone[2] * z) / w
+            low, high = min(low, d), max(high, d)
+            a = (planes[4, 0] * x + planes[4, 1] * y + planes[4, 2] * z) / w
+            near, far = min(near, a), max(far, a)
+    # depths are distances below the receiver along −N: the cell lies between them.
+    if near >= planes[5, 1] - tolerance:
+        return 1
+    if front_facing and low >= depths[1] - tolerance:
+        return 1
+    if far <= planes[5, 0] + tolerance:
+        return -1
+    if front_facing and high <= depths[0] + tolerance:
+        return -1
+    return 0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _blocked(blockers, listed, count, x, dx, dy, dz, t_max, work):
+    """Whether any listed blocker meets the segment x + t d, 0 < t < t_max."""
+    length2 = dx * dx + dy * dy + dz * dz
+    for m in range(count):
+        b = listed[m]
+        cx = blockers.spheres[b, 0] - x[0]
+        cy = blockers.spheres[b, 1] - x[1]
+        cz = blockers.spheres[b, 2] - x[2]
+        along = (cx * dx + cy * dy + cz * dz) / length2
+        ex, ey, ez = cx - along * dx, cy - along * dy, cz - along * dz
+        if ex * ex + ey * ey + ez * ez > blockers.spheres[b, 3] ** 2:
+            continue
+        facing = 1 if blockers.closed[b] else 0
+        status = ray_patch_any(
+            blockers.nets[b], blockers.kinds[b], x[0], x[1], x[2], dx, dy, dz, 1e-9, t_max,
+            facing, work,
+        )  # fmt: skip
+        if status != MISS:
+            if m > 0:  # the last occluder is asked first next time
+                listed[m], listed[0] = listed[0], b
+            return True
+    return False
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _visible_share(s, x, blockers, listed, count, samples, work, h, hu, hv):
+    """Share of samples x samples points of the cell that the receiver sees."""
+    seen = 0
+    for i in range(samples):
+        for j in range(samples):
+            u, v = (i + 0.5) / samples, (j + 0.5) / samples
+            surface(s, u, v, h, hu, hv)
+            ru, rv = 1.0 - u, 1.0 - v
+            bu = (ru * ru * ru, 3.0 * u * ru * ru, 3.0 * u * u * ru, u * u * u)
+            bv = (rv * rv * rv, 3.0 * v * rv * rv, 3.0 * v * v * rv, v * v * v)
+            w = 0.0
+            for a in range(4):
+                for c in range(4):
+                    w += bu[a] * bv[c] * s[a, c, 3]
+            if w > 0.0:
+                blocked = _blocked(
+                    blockers, listed, count, x, h[0] / w, h[1] / w, h[2] / w, 1.0 - 1e-7, work
+                )
+            else:
+                blocked = _blocked(blockers, listed, count, x, h[0], h[1], h[2], 1e300, work)
+            if not blocked:
+                seen += 1
+    return seen / (samples * samples)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _is_small(planes):
+    """Whether the luminance of the sky is smooth over the pyramid: less than 8 degrees wide."""
+    for k in range(2):
+        a, b = planes[k], planes[k + 2]
+        if (a[0] == 0.0 and a[1] == 0.0) or (b[0] == 0.0 and b[1] == 0.0):
+            continue
+        # Inward normals of opposite sides are the more opposed the narrower the pyramid is.
+        if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > -0.99:
+            return False
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _mean_luminance(s, tone, h, hu, hv):
+    """Mean luminance over 2 x 2 Gauss points of a small cell at infinity. [cd/m²]"""
+    total = 0.0
+    for i in range(2):
+        for j in range(2):
+            u = 0.21132486540518713 if i == 0 else 0.7886751345948129
+            v = 0.21132486540518713 if j == 0 else 0.7886751345948129
+            surface(s, u, v, h, hu, hv)
+            size = math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
+            total += sky_luminance(
+                tone, tone[7], tone[8], tone[9], h[0] / size, h[1] / size, h[2] / size
+            )
+    return 0.25 * total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def visible_factor(
+    s0, x, n, cone0, flags, solid, eps, cell_eps, rounding, tone, blockers, shifted, state,
+    listed0, count0, lists, out,
+):  # fmt: skip
+    """Form factor of a cell past the listed blockers, weighted with luminance for the sky.
+
+    Parameters
+    ----------
+    s0 : (4, 4, 4) array
+        Cell relative to receiver ``x`` with normal ``n``.
+    cone0, flags, solid
+        Normal cone, flags and solid of the cell (−1 where it has none).
+    eps : float
+        Relative accuracy of unoccluded factors.
+    cell_eps : float
+        Cells whose form factor is below this are sampled instead of quartered.
+    tone : (10,) array, or (0,)
+        Luminance of a cell at infinity: 7 parameters of `sky_luminance` and the sun's direction;
+        empty for a plain form factor.
+    shifted, state
+        From `see_blockers`.
+    listed0, count0
+        Rows of the blockers that may lie in the way.
+    lists : (levels, p) int array
+        Scratch for the list of each level.
+    out : (4,) array
+        Receives the (weighted) form factor, the sum of squares of sampled undecided factors (a
+        variance), the number of cells visited, and the plain form factor.
+    """
+    out[0], out[1], out[2], out[3] = 0.0, 0.0, 0.0, 0.0
+    stack = np.empty((_STACK, 4, 4, 4))
+    depth = np.empty(_STACK, dtype=np.int64)
+    planes = np.empty((6, 3))
+    depths = np.empty(2)
+    cone = np.empty(4)
+    low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
+    h, hu, hv = np.empty(3), np.empty(3), np.empty(3)
+    work = np.empty(WORK)
+    parts = np.empty((12, 4, 4, 4))
+    deepest = lists.shape[0] - 1
+    stack[0] = s0
+    depth[0] = 0
+    top = 1
+    at_infinity = s0[0, 0, 3] == 0.0
+    while top > 0:
+        top -= 1
+        cell = stack[top]
+        level = depth[top]
+        out[2] += 1.0
+        low, inner, high = heights(cell, n)
+        if high <= rounding:
+            continue
+        if flags & ALWAYS_FRONT:
+            facing = 1
+            cone[0], cone[1], cone[2], cone[3] = 0.0, 0.0, 0.0, 2.0
+        else:
+            if level == 0 or cone0[3] == 0.0:
+                cone[:] = cone0
+            else:
+                normal_cone(cell, cone)
+            facing = facing_of(cell, cone, rounding)
+            if facing < 0:
+                continue
+        ok = make_pyramid(cell, planes)
+        parent, parent_count = (listed0, count0) if level == 0 else (lists[level - 1], -1)
+        if level > 0:
+            parent_count = lists[level - 1, lists.shape[1] - 1]
+        mine = lists[level]
+        count = 0
+        clean = ok
+        if ok and not at_infinity:
+            _cell_depths(cell, cone, depths)
+            tolerance = 1e-9 * planes[5, 1]
+        else:
+            tolerance = 0.0
+        for m in range(parent_count):
+            b = parent[m]
+            if ok:
+                if outside_pyramid(planes, shifted[b]):
+                    continue
+                if not at_infinity:
+                    order = _depth_of(
+                        shifted[b], cone, planes, depths, facing > 0, tolerance
+                    )
+                    if order > 0:
+                        continue
+                    if order == 0 and blockers.solid[b] != solid:
+                        clean = False
+            mine[count] = b
+            count += 1
+            if not clean:
+                continue
+            if state[b] == MIXED and not _one_sided_within(planes, shifted[b], rounding, parts):
+                clean = False
+                continue
+            for side in range(4):
+                other = blockers.adjacent[b, side]
+                if other >= 0 and state[other] == state[b]:
+                    continue
+                if not _edge_outside(planes, n, rounding, shifted[b], side):
+                    clean = False
+                    break
+        mine[lists.shape[1] - 1] = count
+        lit = count == 0
+        if clean and not lit:
+            # No shadow edge in the pyramid: one ray through the middle decides.
+            if _visible_share(cell, x, blockers, mine, count, 1, work, h, hu, hv) == 0.0:
+                continue
+            lit = True
+            mine[lists.shape[1] - 1] = 0
+        if lit and (tone.size == 0 or (ok and _is_small(planes))):
+            value = patch_factor(cell, n, cone, flags, eps, rounding)
+            out[3] += value
+            out[0] += value if tone.size == 0 else value * _mean_luminance(cell, tone, h, hu, hv)
+            continue
+        surface(cell, 0.5, 0.5, h, hu, hv)
+        r2 = h[0] ** 2 + h[1] ** 2 + h[2] ** 2
+        det = abs(
+            h[0] * (hu[1] * hv[2] - hu[2] * hv[1])
+            + h[1] * (hu[2] * hv[0] - hu[0] * hv[2])
+            + h[2] * (hu[0] * hv[1] - hu[1] * hv[0])
+        )
+        reach = math.sqrt(r2)
+        estimate = det / (math.pi * r2 * r2) * max(
+            n[0] * h[0] + n[1] * h[1] + n[2] * h[2], 0.1 * reach if ok else reach
+        )
+        if (
+            (ok and estimate < cell_eps)
+            or level >= deepest
+            or top + 4 > _STACK
+            or out[2] > MAX_CELLS
+        ):
+            value = patch_factor(cell, n, cone, flags, max(eps, 1e-4), rounding)
+            if value > 0.0:
+                share = 1.0
+                samples = 2 if value > 0.125 * cell_eps else 1
+                if not lit:
+                    share = _visible_share(
+                        cell, x, blockers, mine, count, samples, work, h, hu, hv
+                    )
+                out[3] += value * share
+                if tone.size:
+                    value *= _mean_luminance(cell, tone, h, hu, hv)
+                out[0] += value * share
+                if not lit:
+                    # A cell cut once: of its strata one or two are half lit at worst.
+                    out[1] += value * value / (8.0 * samples * samples)
+            continue
+        halve_u(cell, low_u, high_u)
+        halve_v(low_u, stack[top], stack[top + 1])
+        halve_v(high_u, stack[top + 2], stack[top + 3])
+        for k in range(4):
+            depth[top + k] = level + 1
+        top += 4

@@ -1,0 +1,186 @@
+"""Rows of form factors: every source element as seen from the nodes of one receiver.
+
+One thread owns one row, so the result has the same bits for any number of threads.
+"""
+
+import math
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from .contour import horizon_tolerance, shift_net
+from .patch_factor import CONCAVE, CONVEX, PLANAR, facing_of, heights, patch_factor
+from .pyramid import FRONT, NO_BLOCKER, see_blockers, visible_factor
+
+#: Columns of the counters of a row.
+SKIPPED_FACING, SKIPPED_HORIZON, UNOCCLUDED, TRACED, CELLS = range(5)
+
+
+class Sources(NamedTuple):
+    """Source elements; row j of every array is the same element, sorted by group.
+
+    Attributes
+    ----------
+    nets : (n, 4, 4, 4) array
+        Homogeneous control nets, +normal towards the emitting side.
+    cones, spheres : (n, 4) array
+        Normal cones and bounding spheres.
+    flags : (n,) int array
+        `patch_factor.PLANAR`, `CONVEX`, `CONCAVE`.
+    cell_eps : (n,) array
+        Form factor below which a partly hidden cell is sampled.
+    group : (g, 3) int array
+        First row, end row and patch of each group: the elements of one side of one patch.
+    group_nets, group_cones, group_spheres
+        The same for the whole patch side.
+    """
+
+    nets: np.ndarray
+    cones: np.ndarray
+    spheres: np.ndarray
+    flags: np.ndarray
+    cell_eps: np.ndarray
+    group: np.ndarray
+    group_nets: np.ndarray
+    group_cones: np.ndarray
+    group_spheres: np.ndarray
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _apart(x, source, blocker):
+    """Whether the bounding cones of two spheres seen from ``x`` are apart, or the order excludes."""
+    sx, sy, sz = source[0] - x[0], source[1] - x[1], source[2] - x[2]
+    bx, by, bz = blocker[0] - x[0], blocker[1] - x[1], blocker[2] - x[2]
+    ls = math.sqrt(sx * sx + sy * sy + sz * sz)
+    lb = math.sqrt(bx * bx + by * by + bz * bz)
+    if lb - blocker[3] >= ls + source[3]:
+        return True
+    if ls <= source[3] or lb <= blocker[3]:
+        return False
+    sa, sb = source[3] / ls, blocker[3] / lb
+    ca, cb = math.sqrt(1.0 - sa * sa), math.sqrt(1.0 - sb * sb)
+    if sa * cb + ca * sb <= 0.0 or (ca * cb - sa * sb <= -1.0):
+        return False
+    return sx * bx + sy * by + sz * bz < (ca * cb - sa * sb) * ls * lb - 1e-12 * ls * lb
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _row(
+    x, n, own, own_patch, sources, blockers, eps, trace, shifted, state, listed, near, lists,
+    s, found, weight, factors, variances, counters,
+):  # fmt: skip
+    """Add ``weight`` times the form factors from one node to ``factors`` (n,)."""
+    rounding = horizon_tolerance(x)
+    plain = np.empty(0)
+    if trace:
+        see_blockers(blockers, x, n, rounding, shifted, state)
+    for g in range(sources.group.shape[0]):
+        first, end, patch = sources.group[g, 0], sources.group[g, 1], sources.group[g, 2]
+        size = end - first
+        solid = blockers.solid[patch]
+        flags = sources.flags[first]
+        if own_patch >= 0 and flags & (PLANAR | CONVEX) and patch == own_patch:
+            counters[SKIPPED_FACING] += size
+            continue
+        if (
+            own_patch >= 0
+            and blockers.bulging[solid]
+            and blockers.solid[own_patch] == solid
+        ):
+            counters[SKIPPED_FACING] += size
+            continue
+        shift_net(sources.group_nets[g], x, s)
+        _, _, high = heights(s, n)
+        if high <= rounding:
+            counters[SKIPPED_HORIZON] += size
+            continue
+        facing = facing_of(s, sources.group_cones[g], rounding)
+        if facing < 0:
+            counters[SKIPPED_FACING] += size
+            continue
+        count = 0
+        if trace:
+            for b in range(state.shape[0]):
+                if state[b] == NO_BLOCKER:
+                    continue
+                if b == patch and (
+                    state[b] == FRONT or sources.flags[first] & (PLANAR | CONVEX | CONCAVE)
+                ):
+                    continue  # seen from one side throughout, a patch does not hide itself
+                if blockers.solid[b] == solid and (
+                    blockers.bulging[solid] or blockers.hollow[solid]
+                ):
+                    continue
+                if _apart(x, sources.group_spheres[g], blockers.spheres[b]):
+                    continue
+                listed[count] = b
+                count += 1
+        for j in range(first, end):
+            shift_net(sources.nets[j], x, s)
+            if count:
+                k = 0
+                for m in range(count):
+                    if not _apart(x, sources.spheres[j], blockers.spheres[listed[m]]):
+                        near[k] = listed[m]
+                        k += 1
+            else:
+                k = 0
+            if k == 0:
+                value = patch_factor(s, n, sources.cones[j], 0, eps, rounding)
+                factors[j] += weight * value
+                counters[UNOCCLUDED] += 1
+                continue
+            visible_factor(
+                s, x, n, sources.cones[j], 0, solid, eps, sources.cell_eps[j], rounding, plain,
+                blockers, shifted, state, near, k, lists, found,
+            )  # fmt: skip
+            factors[j] += weight * found[0]
+            variances[j] += weight * weight * found[1]
+            counters[TRACED] += 1
+            counters[CELLS] += int(found[2])
+
+
+@nb.njit(cache=True, error_model="numpy", parallel=True)
+def form_factor_rows(
+    nodes, normals, weights, patches, sources, blockers, eps, trace, levels,
+    factors, variances, counters,
+):  # fmt: skip
+    """Form factors from receivers with q nodes each to all sources.
+
+    Parameters
+    ----------
+    nodes, normals : (m, q, 3) array
+        Receiver nodes [m] and unit normals.
+    weights : (m, q) array
+        Weight of each node; those of a receiver sum to 1, or are all 0 (no light).
+    patches : (m,) int array
+        Patch each receiver lies on, −1 in the open.
+    eps : float
+        Relative accuracy of unoccluded factors.
+    trace : bool
+        Whether anything can hide anything.
+    levels : int
+        How often a source element may be quartered.
+    factors, variances : (m, n) array
+        Receive the mean form factor and the variance of its sampled part.
+    counters : (m, 5) int array
+        `SKIPPED_FACING` … `CELLS`.
+    """
+    p = blockers.nets.shape[0]
+    for i in nb.prange(nodes.shape[0]):
+        shifted = np.empty((p, 4, 4, 4))
+        state = np.zeros(p, dtype=np.int64)
+        listed, near = np.empty(p + 1, dtype=np.int64), np.empty(p + 1, dtype=np.int64)
+        lists = np.empty((levels + 1, p + 1), dtype=np.int64)
+        s, found = np.empty((4, 4, 4)), np.empty(4)
+        x, n = np.empty(3), np.empty(3)
+        for q in range(nodes.shape[1]):
+            if weights[i, q] == 0.0:
+                continue
+            for k in range(3):
+                x[k], n[k] = nodes[i, q, k], normals[i, q, k]
+            _row(
+                x, n, i, patches[i], sources, blockers, eps, trace, shifted, state, listed, near,
+                lists, s, found, weights[i, q], factors[i], variances[i], counters[i],
+            )  # fmt: skip

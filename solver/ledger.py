@@ -1,0 +1,60 @@
+"""The flux ledger: every lumen is emitted, entered, absorbed or escaped, or it is a residual."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .model.arrays import FloatArray, IntArray
+from .model.result import Balance, luminous
+from .model.scene import SceneData
+
+
+def make_balance(
+    scene: SceneData,
+    areas: FloatArray,
+    factors: FloatArray,
+    reflectance: FloatArray,
+    emitted: FloatArray,
+    reflected: FloatArray,
+    irradiance: FloatArray,
+    entered: FloatArray,
+    material: IntArray,
+    lamp: IntArray,
+) -> Balance:
+    """Add up fluxes over the elements.
+
+    What leaves an element and meets no other one has escaped: 1 − Σ_j F_ij of it. The residual is
+    then Σ_ij (A_j F_ji − A_i F_ij) B_j, the failure of reciprocity of the form factors.
+
+    Parameters
+    ----------
+    areas : (n,) array
+        Areas that take part in the exchange. [m²]
+    factors : (n, n) array
+        Form factors.
+    reflectance, emitted, reflected, irradiance, entered : (n, b) array
+        By band; ``entered`` is the irradiance from sky, sun and ground.
+    material, lamp : (n,) int array
+        Material and luminaire of each element.
+    """
+    absorbed = luminous((1.0 - reflectance) * irradiance) * areas
+    leaving = luminous(emitted + reflected) * areas
+    names = [m.name or f"material {k + 1}" for k, m in enumerate(scene.materials)]
+    by_material: dict[str, float] = {}
+    for row in np.unique(material):
+        name = names[row] if row >= 0 else "black"
+        flux = float(absorbed[material == row].sum())
+        by_material[name] = by_material.get(name, 0.0) + flux
+    by_group: dict[str, float] = {}
+    flux = luminous(emitted) * areas
+    for row in np.unique(lamp[lamp >= 0]):
+        group = scene.luminaires[row].group
+        by_group[group] = by_group.get(group, 0.0) + float(flux[lamp == row].sum())
+    return Balance(
+        emitted_lm=float(flux.sum()),
+        entered_lm=float((luminous(entered) * areas).sum()),
+        absorbed_lm=float(absorbed.sum()),
+        escaped_lm=float(leaving @ (1.0 - factors.sum(axis=1))),
+        absorbed_by_material=by_material,
+        emitted_by_group=by_group,
+    )

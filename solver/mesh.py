@@ -1,0 +1,112 @@
+"""Elements: patches cut into curved sub-patches by parameter box."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .errors import GeometryError
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import areas, gauss_rule, sub_net, tangents
+from .model.elements import Elements
+from .model.patches import PatchSet
+
+#: Largest turn of the normal inside an element: beyond it a constant exitance and a single
+#: horizon make no sense. [rad]
+MAX_TURN = math.radians(46.0)
+
+
+def patch_extent(patches: PatchSet) -> tuple[FloatArray, FloatArray]:
+    """Mean lengths (p, 2) [m] along u and v, and turns of the normal (p, 2) [rad]."""
+    t = np.linspace(0.0, 1.0, 7)
+    u, v = np.meshgrid(t, t, indexing="ij")
+    lengths, turns = np.empty((len(patches), 2)), np.empty((len(patches), 2))
+    inner = slice(1, 6)  # collapsed edges have no normal
+    for k, net in enumerate(patches.control_points):
+        points, su, sv = tangents(net, u, v)
+        lengths[k, 0] = np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0).max()
+        lengths[k, 1] = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1).max()
+        normals = np.cross(su, sv)[inner, inner]
+        size = np.linalg.norm(normals, axis=2, keepdims=True)
+        normals = np.where(size > 0.0, normals / np.maximum(size, 1e-300), 0.0)
+        for axis in (0, 1):
+            cosine = (np.diff(normals, axis=axis) ** 2).sum(axis=2)
+            step = 2.0 * np.arcsin(np.minimum(1.0, 0.5 * np.sqrt(cosine)))
+            # Five of seven stations: scale the turn up to the whole patch.
+            turns[k, axis] = step.sum(axis=axis).max() * 1.5
+    return lengths, turns
+
+
+def divisions(patches: PatchSet, size: float) -> IntArray:
+    """How many elements (p, 2) of about ``size`` [m] each patch gets along u and v."""
+    lengths, turns = patch_extent(patches)
+    by_size = np.ceil(lengths / size - 1e-9)
+    by_turn = np.ceil(turns / MAX_TURN - 1e-2)
+    # Thin round legs need no more than one element a quarter turn: their light is small.
+    thin = lengths < 0.5 * size
+    by_turn = np.where(thin, np.minimum(by_turn, 1), by_turn)
+    return np.maximum(1, np.maximum(by_size, by_turn)).astype(np.int64)
+
+
+def make_elements(
+    patches: PatchSet,
+    two_sided: IntArray,
+    counts: IntArray,
+    *,
+    nodes: int = 2,
+) -> Elements:
+    """Cut every patch into ``counts[p]`` elements with ``nodes`` x ``nodes`` inset Gauss nodes.
+
+    Two-sided patches get elements on both sides. The result is sorted by patch and side.
+
+    Raises
+    ------
+    GeometryError
+        If there is no patch, or a patch has no area.
+    """
+    if len(patches) == 0:
+        raise GeometryError("the scene has no surfaces")
+    rule, weight = gauss_rule(nodes)
+    nets, index, side, boxes = [], [], [], []
+    for p, net in enumerate(patches.control_points):
+        nu, nv = (int(c) for c in counts[p])
+        cuts_u, cuts_v = np.linspace(0.0, 1.0, nu + 1), np.linspace(0.0, 1.0, nv + 1)
+        cells = [
+            (cuts_u[i], cuts_u[i + 1], cuts_v[j], cuts_v[j + 1])
+            for i in range(nu)
+            for j in range(nv)
+        ]
+        own = [net if len(cells) == 1 else sub_net(net, *cell) for cell in cells]
+        for s in (0, 1) if two_sided[p] else (0,):
+            nets.extend(own if s == 0 else [n[::-1] for n in own])
+            boxes.extend(cells)
+            index.extend([p] * len(cells))
+            side.extend([s] * len(cells))
+    all_nets = np.array(nets)
+    u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
+    rule_weight = np.outer(weight, weight).ravel()
+    points = np.empty((len(nets), nodes * nodes, 3))
+    normals, weights = np.empty_like(points), np.empty(points.shape[:2])
+    for k, net in enumerate(all_nets):
+        points[k], su, sv = tangents(net, u, v)
+        n = np.cross(su, sv)
+        length = np.linalg.norm(n, axis=1)
+        if not (length > 0.0).all():
+            raise GeometryError(f"patch {index[k]}: it has no area near an edge")
+        normals[k], weights[k] = n / length[:, None], length * rule_weight
+    area = areas(all_nets)
+    if not (area > 0.0).all():
+        raise GeometryError(f"patch {index[int(np.argmin(area))]}: its area is zero")
+    weights *= (area / weights.sum(axis=1))[:, None]
+    return Elements(
+        nets=all_nets,
+        patch_index=np.array(index),
+        side=np.array(side),
+        boxes=np.array(boxes),
+        nodes=points,
+        normals=normals,
+        weights=weights,
+        areas=area,
+        buried=np.zeros(weights.shape, dtype=bool),
+    )

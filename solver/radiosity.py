@@ -1,0 +1,124 @@
+"""Interreflection: the linear system of the reflected exitance, solved by GMRES."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from .errors import ConvergenceError, NumericsError
+from .model.arrays import FloatArray
+
+#: Relative residual asked of GMRES.
+TOLERANCE = 1e-9
+MAX_ITERATIONS = 300
+
+
+def check_absorbs(factors: FloatArray, reflectance: FloatArray) -> float:
+    """Largest share of light that an element sends on, max ρ Σ F; `NumericsError` when >= 1.
+
+    Below 1 the inverse of I − ρ F is bounded by 1 / (1 − that share) in the maximum norm; in a
+    closed scene that absorbs nothing the light grows without end and no balance exists.
+    """
+    share = float((reflectance.max(axis=1) * factors.sum(axis=1)).max(initial=0.0))
+    if share >= 1.0 - 1e-9 and float((reflectance.min(axis=1)).min()) >= 1.0 - 1e-9:
+        raise NumericsError(
+            f"no surface absorbs light (reflectance 1 everywhere, largest ρ ΣF = {share:.6f}): "
+            "a closed scene has no balance; use reflectances below 1"
+        )
+    return share
+
+
+def solve_radiosity(
+    factors: FloatArray, reflectance: FloatArray, direct: Mapping[str, FloatArray]
+) -> tuple[dict[str, FloatArray], int]:
+    """Reflected exitance of every light group, (I − ρ F) B = ρ E_direct.
+
+    Parameters
+    ----------
+    factors : (n, n) array
+        Form factors, row i what element i sees.
+    reflectance : (n, b) array
+        Diffuse reflectance by band.
+    direct : dict of (n, b) arrays
+        Direct irradiance by light group. [lx]
+
+    Returns
+    -------
+    dict of (n, b) arrays, int
+        Reflected exitance by light group [lm/m²], and the number of matrix products.
+
+    Raises
+    ------
+    NumericsError
+        If nothing absorbs light.
+    ConvergenceError
+        If GMRES does not reach its tolerance.
+    """
+    from scipy.sparse.linalg import LinearOperator, gmres
+
+    check_absorbs(factors, reflectance)
+    n, products = len(factors), 0
+    out = {}
+    for group, incident in direct.items():
+        reflected = np.zeros_like(incident)
+        for band in range(incident.shape[1]):
+            rho = reflectance[:, band]
+            source = rho * incident[:, band]
+            if not source.any():
+                continue
+
+            def operate(b: FloatArray, rho: FloatArray = rho) -> FloatArray:
+                nonlocal products
+                products += 1
+                return np.asarray(b - rho * (factors @ b))
+
+            solution, info = gmres(
+                LinearOperator((n, n), matvec=operate, dtype=np.float64),
+                source,
+                x0=source,
+                rtol=TOLERANCE,
+                atol=0.0,
+                restart=MAX_ITERATIONS,
+                maxiter=1,
+            )
+            if info != 0 or not np.isfinite(solution).all():
+                residual = np.abs(source - operate(solution)).max() / np.abs(source).max()
+                raise ConvergenceError(
+                    f"light group {group!r}: residual {residual:.1e} after {MAX_ITERATIONS} "
+                    f"products, but {TOLERANCE:.0e} was asked"
+                )
+            reflected[:, band] = solution
+        out[group] = reflected
+    return out, products
+
+
+def coarse_exitance(
+    factors: FloatArray,
+    groups: np.ndarray,
+    areas: FloatArray,
+    reflectance: FloatArray,
+    emitted: FloatArray,
+    direct: FloatArray,
+) -> FloatArray:
+    """Exitance (n, b) of the same scene solved on merged elements, for an error estimate.
+
+    Rows are averaged by area and columns summed over ``groups`` (n,) of elements, so that the
+    difference to the fine solution is the effect of doubling the element size.
+    """
+    count = int(groups.max()) + 1
+    total = np.bincount(groups, weights=areas, minlength=count)
+    mean = np.where(total[groups] > 0.0, areas / np.where(total > 0.0, total, 1.0)[groups], 0.0)
+    merge = np.zeros((count, len(groups)))
+    merge[groups, np.arange(len(groups))] = 1.0
+    from scipy.sparse import csr_matrix
+
+    columns = csr_matrix(merge)
+    average = columns.multiply(mean[None, :]).tocsr()
+    small = np.asarray(average @ (columns @ factors.T).T)
+    out = np.empty_like(direct)
+    for band in range(direct.shape[1]):
+        rho = np.asarray(average @ reflectance[:, band])
+        light = np.asarray(average @ (direct[:, band]))
+        out[:, band] = np.linalg.solve(np.eye(count) - rho[:, None] * small, rho * light)[groups]
+    return emitted + out

@@ -1,0 +1,173 @@
+"""What the solver knows of a patch set: flatness, convexity, neighbours, closed solids."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .kernels.patch_factor import CONCAVE, CONVEX, PLANAR, normal_cone
+from .kernels.pyramid import Blockers
+from .kernels.ray_patch import classify_patches
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import tangents
+from .model.patches import PatchSet
+
+
+def bounding_spheres(nets: FloatArray) -> FloatArray:
+    """Centre and radius (n, 4) of spheres about the control points of nets (n, 4, 4, 4). [m]"""
+    points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
+    center = 0.5 * (points.min(axis=1) + points.max(axis=1))
+    radius = np.linalg.norm(points - center[:, None], axis=2).max(axis=1)
+    return np.concatenate([center, radius[:, None] * (1.0 + 1e-12)], axis=1)
+
+
+def normal_cones(nets: FloatArray) -> FloatArray:
+    """Axis and sine of the half-angle (n, 4) of the normals of nets (n, 4, 4, 4)."""
+    cones = np.empty((len(nets), 4))
+    for net, cone in zip(np.ascontiguousarray(nets), cones, strict=True):
+        normal_cone(net, cone)
+    return cones
+
+
+def shape_flags(nets: FloatArray) -> IntArray:
+    """Bits of `patch_factor` (n,): `PLANAR`, and `CONVEX` or `CONCAVE` seen from the + side.
+
+    Judged on 5 x 5 points of the surface: every point below (above) the tangent planes of all
+    others. A plane is planar only.
+    """
+    t = (np.arange(5) + 0.5) / 5.0
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
+    flags = np.zeros(len(nets), dtype=np.int64)
+    for k, net in enumerate(nets):
+        control = (net[..., :3] / net[..., 3:]).reshape(16, 3)
+        size = float(np.ptp(control, axis=0).max())
+        rounding = 1e-12 * size + 4e-16 * float(np.abs(control).max())
+        points, su, sv = tangents(net, u, v)
+        normals = np.cross(su, sv)
+        length = np.linalg.norm(normals, axis=1)
+        good = length > 1e-9 * length.max() if length.max() > 0.0 else np.zeros(25, bool)
+        if not good.any():
+            continue
+        normals = normals[good] / length[good, None]
+        if np.abs((control - control[0]) @ normals[0]).max() <= 10.0 * rounding:
+            flags[k] = PLANAR
+            continue
+        own = np.einsum("ak,abk->ab", normals, points[None] - points[good][:, None])
+        if own.max() <= 10.0 * rounding:
+            flags[k] = CONVEX
+        elif own.min() >= -10.0 * rounding:
+            flags[k] = CONCAVE
+    return flags
+
+
+def _edge_keys(nets: FloatArray) -> FloatArray:
+    """End and two inner points (n, 4, 4, 3) of the four boundary edges of each net."""
+    t = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+    s = 1.0 - t
+    basis = np.stack([s**3, 3 * t * s**2, 3 * t**2 * s, t**3], axis=1)
+    edges = np.stack([nets[:, :, 0], nets[:, 3, :], nets[:, :, 3], nets[:, 0, :]], axis=1)
+    h = np.einsum("ti,neik->netk", basis, edges, optimize=True)
+    return np.asarray(h[..., :3] / h[..., 3:])
+
+
+def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> IntArray:
+    """Neighbour (n, 4) over each boundary edge within the same solid, −1 where there is none.
+
+    Two edges are one when their ends and two inner points agree, in either direction, within
+    ``relative`` of the size of the set. An edge met by more than two patches has no neighbour.
+    """
+    n = len(nets)
+    out = np.full((n, 4), -1, dtype=np.int64)
+    if n == 0:
+        return out
+    points = _edge_keys(nets).reshape(4 * n, 4, 3)
+    extent = float(np.ptp(points.reshape(-1, 3), axis=0).max())
+    tolerance = relative * max(extent, 1e-300)
+    length = np.linalg.norm(points[:, 3] - points[:, 0], axis=1) + np.linalg.norm(
+        points[:, 1] - points[:, 2], axis=1
+    )
+    middle = points.mean(axis=1)
+    order = np.argsort(middle[:, 0], kind="stable")
+    sorted_x = middle[order, 0]
+    edges: dict[int, list[int]] = {}
+    for k in range(4 * n):
+        if length[k] <= 4.0 * tolerance:
+            continue
+        lo = np.searchsorted(sorted_x, middle[k, 0] - tolerance)
+        hi = np.searchsorted(sorted_x, middle[k, 0] + tolerance, side="right")
+        near = order[lo:hi]
+        near = near[(near != k) & (solid[near // 4] == solid[k // 4])]
+        if near.size == 0:
+            continue
+        same = np.abs(points[near] - points[k]).max(axis=(1, 2)) <= tolerance
+        turned = np.abs(points[near] - points[k][::-1]).max(axis=(1, 2)) <= tolerance
+        edges[k] = [int(e) for e in near[same | turned]]
+    for k, partners in edges.items():
+        if len(partners) == 1:
+            out[k // 4, k % 4] = partners[0] // 4
+    return out
+
+
+def convexity(
+    nets: FloatArray, flags: IntArray, solid: IntArray, closed: IntArray, count: int
+) -> tuple[IntArray, IntArray]:
+    """Which solids (count,) are convex bodies, and which are convex cavities.
+
+    Every corner of the solid must lie on one side of the tangent planes at 9 points of each patch.
+    """
+    bulging, hollow = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
+    t = np.array([0.1, 0.5, 0.9])
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
+    for index in np.unique(solid):
+        rows = np.flatnonzero(solid == index)
+        if not closed[rows].all() or len(rows) > 200:
+            continue
+        own = nets[rows]
+        points = (own[..., :3] / own[..., 3:]).reshape(-1, 3)
+        size = float(np.ptp(points, axis=0).max())
+        highest, lowest = -np.inf, np.inf
+        corners = (own[:, ::3, ::3, :3] / own[:, ::3, ::3, 3:]).reshape(-1, 3)
+        for net in own:
+            at, su, sv = tangents(net, u, v)
+            normals = np.cross(su, sv)
+            length = np.linalg.norm(normals, axis=1)
+            good = length > 1e-9 * max(float(length.max()), 1e-300)
+            normals = normals[good] / length[good, None]
+            height = np.einsum("ak,abk->ab", normals, corners[None] - at[good][:, None])
+            if height.size:
+                highest, lowest = max(highest, height.max()), min(lowest, height.min())
+            if highest > 1e-9 * size and lowest < -1e-9 * size:
+                break
+        shapes = flags[rows]
+        bulging[index] = highest <= 1e-9 * size and bool((shapes & (PLANAR | CONVEX)).all())
+        hollow[index] = lowest >= -1e-9 * size and bool((shapes & (PLANAR | CONCAVE)).all())
+    return bulging, hollow
+
+
+def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Blockers:
+    """Everything the kernels need to know of the patches that hide light.
+
+    Parameters
+    ----------
+    patches : PatchSet
+        All patches of the scene.
+    closed : (p,) bool array
+        Patches of closed solids, +normal outward: they block with their front only.
+    solid : (p,) int array
+        Solid or part of each patch.
+    """
+    nets = patches.control_points
+    flags = shape_flags(nets)
+    count = int(solid.max()) + 1 if len(solid) else 0
+    bulging, hollow = convexity(nets, flags, solid, np.asarray(closed, bool), count)
+    return Blockers(
+        nets=nets,
+        kinds=classify_patches(nets),
+        closed=np.ascontiguousarray(closed, dtype=np.bool_),
+        adjacent=adjacency(nets, solid),
+        cones=normal_cones(nets),
+        flags=flags,
+        solid=np.ascontiguousarray(solid, dtype=np.int64),
+        bulging=bulging,
+        hollow=hollow,
+        spheres=bounding_spheres(nets),
+    )
