@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
-from .model.arrays import IntArray, check_finite, check_shape, frozen
+from .model.arrays import FloatArray, IntArray, check_finite, check_shape, frozen
 from .model.patches import PatchSet
 from .model.scene import SceneData
 from .raycast import RayCaster
