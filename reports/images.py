@@ -59,20 +59,19 @@ def false_color(y: np.ndarray) -> bytes:
     with figures.look():
         dpi = 100.0
         # The picture keeps its pixels; the bar is added to the right of it.
-        bar = max(110.0, 0.14 * width)
+        bar = max(110.0, 0.16 * width)
         total = width + bar
         figure = figures.new_figure(total / dpi, height / dpi)
         axes = figure.add_axes((0.0, 0.0, width / total, 1.0))
         axes.set_axis_off()
-        colormap = ListedColormap(palette(np.linspace(0.0, 1.0, 256)))
-        colormap.set_bad("#ffffff")
+        colormap = ListedColormap(palette(np.linspace(0.0, 1.0, 256))).with_extremes(bad="#ffffff")
         norm = LogNorm(*limits, clip=True)
         shown = np.where(np.isfinite(y), np.maximum(y, limits[0]), np.nan)
         drawn = axes.imshow(
             np.ma.masked_invalid(shown), cmap=colormap, norm=norm, aspect="auto",
             interpolation="nearest",
         )  # fmt: skip
-        size = float(np.clip(0.012 * width, 7.0, 14.0))
+        size = float(np.clip(0.0135 * width, 7.0, 18.0))
         scale = figure.add_axes((
             (width + 0.16 * bar) / total, 0.06, 0.20 * bar / total, 0.82,
         ))  # fmt: skip

@@ -42,8 +42,8 @@ class PlaneFrame:
 def plane_frame(grid: SensorResult, north_deg: float = 0.0) -> PlaneFrame:
     """Drawing plane of ``grid`` from its mean normal.
 
-    Results are in world axes with north along +y. Plans are drawn in the axes of the scene, in which
-    true north lies ``north_deg`` clockwise from +y: the world turned clockwise by that angle. [deg]
+    Results are in world axes with north along +y. Plans are drawn in the axes of the scene, in
+    which true north lies ``north_deg`` clockwise from +y: the world turned clockwise. [deg]
     """
     points = np.asarray(grid.points, dtype=np.float64)
     normal = np.asarray(grid.normals, dtype=np.float64).mean(axis=0)
@@ -104,6 +104,8 @@ def find_lattice(uv: Array, areas: Array) -> Lattice | None:
     (u, step_u, iu), (v, step_v, iv) = axes[0], axes[1]
     # A single row has no spacing across: its cells are as wide as their area says.
     largest = float(np.max(areas))
+    if step_u == step_v == 0.0:  # all points in one place
+        return None
     if step_u == 0.0:
         step_u = largest / step_v if largest > 0.0 else step_v
     if step_v == 0.0:

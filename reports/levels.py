@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 _STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.5)
 #: More colours than this cannot be told apart in a legend.
 MAX_LEVELS = 9
-_LOWEST, _HIGHEST = 1e-4, 1e9
+_LOWEST, _HIGHEST = 1e-6, 1e12
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def _linear_levels(low: float, high: float) -> NDArray[np.float64]:
     step = next(s * decade for s in (1.0, 2.0, 2.5, 5.0, 10.0) if s * decade >= raw * 0.999)
     first = math.floor((center - 0.5 * span) / step + 1e-9)
     last = math.ceil((center + 0.5 * span) / step - 1e-9)
-    return np.arange(max(first, 0), last + 1) * step
+    return np.asarray(np.arange(max(first, 0), last + 1) * step, dtype=np.float64)
 
 
 def level_text(level: float) -> str:

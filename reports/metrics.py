@@ -123,8 +123,7 @@ def _evaluate(result: Result, requirement: Mapping[str, Any]) -> RequirementResu
         near = get_close_matches(grid_name, list(result.sensors), n=3, cutoff=0.0)
         reason = f"no sensors named {grid_name!r}; there are: {', '.join(near) or 'none'}"
     elif metric not in QUANTITIES:
-        near = get_close_matches(metric, list(QUANTITIES), n=3, cutoff=0.0)
-        reason = f"no metric named {metric!r}; nearest: {', '.join(near)}"
+        reason = f"no metric named {metric!r}; there are: {', '.join(QUANTITIES)}"
     else:
         values, errors = grid_metrics(result.sensors[grid_name])
         value, error = values.get(metric), errors.get(metric)
@@ -156,15 +155,16 @@ def _evaluate(result: Result, requirement: Mapping[str, Any]) -> RequirementResu
 def metric_rows(result: Result) -> list[dict[str, Any]]:
     """Every metric of every grid with its requirement, as written to ``metrics.json``."""
     verdicts: dict[tuple[str, str], list[RequirementResult]] = {}
-    for r in evaluate_requirements(result):
-        verdicts.setdefault((r.sensors, r.metric), []).append(r)
+    for found in evaluate_requirements(result):
+        verdicts.setdefault((found.sensors, found.metric), []).append(found)
     rows: list[dict[str, Any]] = []
     for name, grid in result.sensors.items():
         values, errors = grid_metrics(grid)
         for metric, value in values.items():
             quantity, unit = QUANTITIES.get(metric, (metric, ""))
             # Several requirements on one metric make several rows.
-            for r in verdicts.pop((name, metric), [None]):  # type: ignore[list-item]
+            asked: list[RequirementResult | None] = [*verdicts.pop((name, metric), [])]
+            for r in asked or [None]:
                 rows.append(
                     {
                         "id": metric,
@@ -178,17 +178,17 @@ def metric_rows(result: Result) -> list[dict[str, Any]]:
                     }
                 )
     for leftover in verdicts.values():
-        for r in leftover:
+        for lost in leftover:
             rows.append(
                 {
-                    "id": r.metric,
-                    "quantity": QUANTITIES.get(r.metric, (r.metric, ""))[0],
-                    "sensor_id": r.sensors,
+                    "id": lost.metric,
+                    "quantity": QUANTITIES.get(lost.metric, (lost.metric, ""))[0],
+                    "sensor_id": lost.sensors,
                     "value": None,
-                    "unit": r.unit,
+                    "unit": lost.unit,
                     "uncertainty": None,
-                    "requirement": r.bounds,
-                    "verdict": r.verdict,
+                    "requirement": lost.bounds,
+                    "verdict": lost.verdict,
                 }
             )
     return rows

@@ -12,6 +12,7 @@ from patchlight.solver.model import SensorResult
 from . import figures
 from .formats import number
 from .lattice import Lattice, PlaneFrame, find_lattice, plane_frame, smooth_field
+from .legend import PANEL, draw_bar, draw_length, draw_north
 from .levels import Scale, level_text, pale, scale_for
 from .section import cut
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.path import Path
 
-_WIDTH, _BAR = 7.0, 0.95  # inches
+_WIDTH = 7.0  # inches
 _MARGINS = (0.5, 0.12, 0.40, 0.12)  # left, right, bottom, top
 
 
@@ -55,10 +56,10 @@ def plan_figure(
     _draw_lines(axes, walls, rings)
     _draw_values(figure, axes, uv, lattice, values, box, labels)
     _finish_axes(axes, frame, box)
-    _draw_bar(figure, scale, values)
-    _draw_length(figure, axes, box)
+    draw_bar(figure, scale, values)
+    draw_length(figure, axes, box)
     if frame.horizontal:
-        _draw_north(figure, north_deg)
+        draw_north(figure, north_deg)
     return figure, text
 
 
@@ -102,7 +103,7 @@ def _extent(
 
 def _page(box: tuple[float, float, float, float], highest: float) -> tuple[Figure, Axes]:
     left, right, bottom, top = _MARGINS
-    room = _WIDTH - _BAR - left - right
+    room = _WIDTH - PANEL - left - right
     aspect = (box[3] - box[2]) / (box[1] - box[0])
     width, height = room, room * aspect
     if height > highest:  # tall areas: as high as a page allows
@@ -189,7 +190,10 @@ def _draw_cells(axes: Axes, lattice: Lattice, values: NDArray[np.float64], scale
     colors = pale(scale.colors())
     for (j, i), row in np.ndenumerate(lattice.row):
         if row >= 0:
-            corner = (lattice.u[i] - 0.5 * lattice.step_u, lattice.v[j] - 0.5 * lattice.step_v)
+            corner = (
+                float(lattice.u[i] - 0.5 * lattice.step_u),
+                float(lattice.v[j] - 0.5 * lattice.step_v),
+            )
             color = colors[scale.index(values[row])]
             axes.add_patch(
                 Rectangle(
@@ -209,8 +213,8 @@ def _draw_points(
 ) -> None:
     size = float(np.clip(9000.0 / max(len(uv), 1), 6.0, 120.0))
     axes.scatter(
-        uv[:, 0], uv[:, 1], s=size, c=pale(scale.colors())[scale.index(values)], edgecolors=figures.INK,
-        linewidths=0.3, zorder=2,
+        uv[:, 0], uv[:, 1], s=size, c=pale(scale.colors())[scale.index(values)],
+        edgecolors=figures.INK, linewidths=0.3, zorder=2,
     )  # fmt: skip
 
 
@@ -254,7 +258,7 @@ def _draw_values(
         shown = np.array(shown_list, dtype=np.int64)
         offset = 0.11 / per_metre
     busy = np.array(taken).reshape(-1, 2)
-    for i in shown:
+    for i in shown.tolist():
         gap = np.abs(busy - uv[i]) * per_metre
         if ((gap[:, 0] < 0.34) & (gap[:, 1] < 0.17)).any():
             continue
@@ -283,69 +287,3 @@ def _finish_axes(axes: Axes, frame: PlaneFrame, box: tuple[float, float, float, 
     axes.locator_params(axis="y", nbins=8, steps=[1, 2, 5, 10])
     axes.set_xlim(box[0], box[1])
     axes.set_ylim(box[2], box[3])
-
-
-def _draw_bar(figure: Figure, scale: Scale, values: NDArray[np.float64]) -> None:
-    """Colour bar with one box a class."""
-    width, height = figure.get_size_inches()
-    tall = min(height - 1.5, 3.0)
-    axes = figure.add_axes((
-        (width - _BAR + 0.22) / width, 0.48 / height, 0.17 / width, tall / height
-    ))  # fmt: skip
-    n = scale.classes
-    axes.imshow(
-        pale(scale.colors())[:, None, :], origin="lower", aspect="auto", extent=(0, 1, 0, n)
-    )
-    low, high = float(values.min(initial=0)), float(values.max(initial=0))
-    labels = [level_text(x) for x in scale.levels]
-    if len(values) and values.min() < scale.levels[0] * (1 - 1e-9):
-        labels[0] = f"< {labels[0]}" if low < scale.levels[0] else labels[0]
-    if high > scale.levels[-1] * (1 + 1e-9):
-        labels[-1] = f"> {labels[-1]}"
-    axes.set_yticks(np.arange(n + 1), labels=labels)
-    axes.yaxis.tick_right()
-    axes.tick_params(labelsize=7, length=2, width=0.5, pad=2)
-    axes.set_xticks([])
-    axes.set_title("E [lx]", size=8, weight="bold", pad=6, loc="left")
-
-
-def _draw_length(figure: Figure, axes: Axes, box: tuple[float, float, float, float]) -> None:
-    """Scale bar of a round length, at most as long as the panel is wide."""
-    width, height = figure.get_size_inches()
-    per_metre = axes.get_position().width * width / (box[1] - box[0])
-    longest = 0.72 / per_metre
-    decade = 10.0 ** math.floor(math.log10(longest))
-    metres = next(s * decade for s in (5.0, 2.0, 1.0) if s * decade <= longest * (1 + 1e-9))
-    bar = metres * per_metre
-    panel = figure.add_axes(
-        ((width - _BAR + 0.2) / width, 0.1 / height, 0.75 / width, 0.22 / height)
-    )
-    panel.set_axis_off()
-    panel.set_xlim(0.0, 0.75)
-    panel.set_ylim(0.0, 0.22)
-    for k, color in enumerate((figures.INK, "white")):
-        panel.fill(
-            [k * bar / 2, (k + 1) * bar / 2, (k + 1) * bar / 2, k * bar / 2],
-            [0.02, 0.02, 0.065, 0.065], facecolor=color, edgecolor=figures.INK, linewidth=0.6,
-            clip_on=False,
-        )  # fmt: skip
-    panel.text(0.5 * bar, 0.095, f"{metres:g} m", size=7, ha="center", va="bottom")
-
-
-def _draw_north(figure: Figure, north_deg: float) -> None:
-    width, height = figure.get_size_inches()
-    size = 0.5
-    axes = figure.add_axes((
-        (width - _BAR + 0.2) / width, (height - size - 0.06) / height, size / width, size / height
-    ))  # fmt: skip
-    axes.set_axis_off()
-    axes.set_xlim(-1.35, 1.35)
-    axes.set_ylim(-1.35, 1.35)
-    angle = math.radians(north_deg)
-    north = np.array([math.sin(angle), math.cos(angle)])
-    side = np.array([north[1], -north[0]])
-    tip, tail = 0.75 * north, -0.8 * north
-    for sign, face in ((1.0, figures.INK), (-1.0, "white")):
-        shape = np.array([tip, tail + sign * 0.45 * side, -0.45 * north])
-        axes.fill(*shape.T, facecolor=face, edgecolor=figures.INK, linewidth=0.7)
-    axes.text(*(1.15 * north), "N", ha="center", va="center", size=7.5, weight="bold")

@@ -19,7 +19,7 @@ def main(source: str, target: str) -> int:
     width, height = (int(s) for s in data["size"])
     # The window is as large as the picture: no scaling by the library.
     plotter = pv.Plotter(off_screen=True, window_size=[width, height])
-    plotter.set_background("white")
+    plotter.renderer.SetBackground(1.0, 1.0, 1.0)
     plotter.enable_anti_aliasing("ssaa")
     colors, lines = data["colors"], data["lines"]
     triangles = data["triangles"]

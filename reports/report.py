@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from patchlight.solver.model import Result, SensorResult
 
-from . import figures, formats, summary
+from . import figures, formats, inputs, summary
 from .histogram import histogram_figure
 from .images import Picture
 from .metrics import QUANTITIES, RequirementResult, evaluate_requirements, grid_metrics
@@ -74,7 +74,7 @@ def render_report(
     requirements = evaluate_requirements(result)
     scene = result.scene
     balance = result.balance
-    count, names = summary.default_faces(scene)
+    count, names = inputs.default_faces(scene)
     settings = {k: v for k, v in result.settings.items() if k != "requirements"}
     context = {
         "title": scene.title,
@@ -93,12 +93,12 @@ def render_report(
             g.daylight_factor is not None for g in result.sensors.values()
         ),
         "sources": [_source(s) for s in scene.sources],
-        "light": summary.light_facts(scene),
-        "materials": summary.material_rows(scene),
+        "light": inputs.light_facts(scene),
+        "materials": inputs.material_rows(scene),
         "default_count": count,
         "default_names": names,
-        "luminaires": summary.luminaire_rows(scene),
-        "luminaire_totals": summary.luminaire_totals(scene),
+        "luminaires": inputs.luminaire_rows(scene),
+        "luminaire_totals": inputs.luminaire_totals(scene),
         "maintenance_factor": scene.maintenance_factor,
         "still": still and {
             "uri": figures.data_uri(still.png), "caption": still.caption, "note": still.note,

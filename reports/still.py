@@ -62,8 +62,7 @@ def scene_still(result: Result, *, size: tuple[int, int] = SIZE) -> Still | None
     if len(mesh.points) == 0:
         return None
     outside, interior = outer_elements(result, mesh)
-    coarse = display_mesh(result, steps=min(mesh.steps, 2), max_cells=40_000)
-    view = choose_view(coarse, outside, interior, size)
+    view = choose_view(mesh.thinned(), outside, interior, size)
     cells = visible_cells(mesh, view.eye, outside, interior)
     lit = cells & ~mesh.emitting[:, None, None]
     shown = mesh.values[:, :-1, :-1][lit] if lit.any() else mesh.values[..., :1]
@@ -207,7 +206,7 @@ def _draw_lines(
 def _with_bar(pixels: NDArray[np.uint8], scale: Scale, shown: NDArray[np.float64]) -> bytes:
     """The picture with its colour bar at the right."""
     height, width = pixels.shape[:2]
-    bar = 170
+    bar = 215
     dpi = 100.0
     total = width + bar
     with figures.look():
@@ -215,7 +214,7 @@ def _with_bar(pixels: NDArray[np.uint8], scale: Scale, shown: NDArray[np.float64
         axes = figure.add_axes((0.0, 0.0, width / total, 1.0))
         axes.set_axis_off()
         axes.imshow(pixels, interpolation="nearest", aspect="auto")
-        ramp = figure.add_axes(((width + 25) / total, 0.12, 34 / total, 0.72))
+        ramp = figure.add_axes(((width + 25) / total, 0.12, 42 / total, 0.72))
         t = np.linspace(0.0, 1.0, 256)
         n = len(scale.levels) - 1
         ramp.imshow(palette(t)[:, None, :], origin="lower", aspect="auto", extent=(0, 1, 0, n))
@@ -227,6 +226,6 @@ def _with_bar(pixels: NDArray[np.uint8], scale: Scale, shown: NDArray[np.float64
         ramp.set_yticks(np.arange(n + 1), labels=labels)
         ramp.yaxis.tick_right()
         ramp.set_xticks([])
-        ramp.tick_params(labelsize=12, length=4)
-        figure.text((width + 25) / total, 0.865, "E [lx]", size=13, weight="bold")
+        ramp.tick_params(labelsize=17, length=5, width=1)
+        figure.text((width + 25) / total, 0.865, "E [lx]", size=18, weight="bold")
         return figures.png(figure, dpi=dpi)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,19 @@ class DisplayMesh:
         """Cells along each side of an element."""
         return self.points.shape[1] - 1
 
+    def thinned(self) -> DisplayMesh:
+        """The same elements with one or two cells a side, to judge views with."""
+        stride = self.steps if self.steps % 2 else self.steps // 2
+        points = np.ascontiguousarray(self.points[:, ::stride, ::stride])
+        normals, areas = _cells(points)
+        return replace(
+            self,
+            points=points,
+            values=self.values[:, ::stride, ::stride],
+            normals=normals,
+            cell_areas=areas,
+        )
+
     def quads(self) -> NDArray[np.int64]:
         """Point rows (n, k, k, 4) of the cells, counter-clockwise about the normal."""
         n, k = len(self.points), self.steps
@@ -71,13 +84,7 @@ def display_mesh(
         part = slice(start, start + 4096)
         h = np.einsum("ai,bj,nijk->nabk", b, b, elements.nets[rows[part]], optimize=True)
         points[part] = h[..., :3] / h[..., 3:]
-    diagonal = np.cross(
-        points[:, 1:, 1:] - points[:, :-1, :-1], points[:, :-1, 1:] - points[:, 1:, :-1]
-    )
-    length = np.linalg.norm(diagonal, axis=-1)
-    normals = np.divide(
-        diagonal, length[..., None], out=np.zeros_like(diagonal), where=length[..., None] > 0.0
-    )
+    normals, cell_areas = _cells(points)
     patch, side = elements.patch_index[rows], elements.side[rows]
     face = scene.patches.face_index[patch] * 2 + side
     corners = points[:, [0, -1, -1, 0], [0, 0, -1, -1]]
@@ -87,11 +94,23 @@ def display_mesh(
         points=points,
         values=_bilinear(corner_values, t),
         normals=normals,
-        cell_areas=0.5 * length,
+        cell_areas=cell_areas,
         element=rows,
         emitting=np.asarray(lamp, dtype=bool),
         borders=_borders(points, face),
     )
+
+
+def _cells(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normals (n, k, k, 3) and areas (n, k, k) of the cells, from their diagonals."""
+    diagonal = np.cross(
+        points[:, 1:, 1:] - points[:, :-1, :-1], points[:, :-1, 1:] - points[:, 1:, :-1]
+    )
+    length = np.linalg.norm(diagonal, axis=-1)
+    normals = np.divide(
+        diagonal, length[..., None], out=np.zeros_like(diagonal), where=length[..., None] > 0.0
+    )
+    return normals, 0.5 * length
 
 
 def _keys(points: NDArray[np.float64], group: NDArray[Any]) -> NDArray[np.int64]:
@@ -101,9 +120,14 @@ def _keys(points: NDArray[np.float64], group: NDArray[Any]) -> NDArray[np.int64]
     low = points.min(axis=0)
     size = float(np.max(points.max(axis=0) - low)) or 1.0
     # A third of a cell as offset: coordinates often lie on round fractions of the size.
-    cells = np.floor((points - low) / (1e-6 * size) + 0.3333).astype(np.int64)
-    order = np.column_stack([np.asarray(group, dtype=np.int64), cells])
-    return np.asarray(np.unique(order, axis=0, return_inverse=True)[1]).ravel().astype(np.int64)
+    cells = np.floor((points - low) / (1e-6 * size) + 0.3333).astype(np.uint64)
+    # Mixed into one number, which sorts ten times faster than rows; two different places that mix
+    # to the same 64 bits would blur one corner of a picture.
+    mixed = np.asarray(group).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    for k in range(3):
+        mixed = (mixed ^ cells[:, k]) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed ^= mixed >> np.uint64(29)
+    return np.asarray(np.unique(mixed, return_inverse=True)[1]).ravel().astype(np.int64)
 
 
 def _corner_values(

@@ -80,9 +80,10 @@ def apply(rgb: NDArray[Any], tone: ToneMap) -> NDArray[np.uint8]:
     """Tone-mapped sRGB (h, w, 4) of linear absolute ``rgb`` (h, w, 3); alpha 0 where not finite.
 
     The scaled luminance L = key · Y / Y_adaptation is the display luminance up to the knee k. Above
-    it x = (L − k) / (1 − k) is compressed to x (1 + x / x_white²) / (1 + x) [1, eq. 4], which leaves
-    the knee with slope 1; on the whole range that operator makes rooms look flat. Colours too
-    saturated for the display are mixed with grey of the same luminance: they keep it and their hue.
+    it x = (L − k) / (1 − k) is compressed to x (1 + x / x_white²) / (1 + x) [1, eq. 4], which
+    leaves the knee with slope 1; on the whole range that operator makes rooms look flat. Colours
+    too saturated for the display are mixed with grey of the same luminance: they keep it and their
+    hue.
     """
     rgb = np.asarray(rgb, dtype=np.float64)
     y = luminance(rgb)

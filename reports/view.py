@@ -59,7 +59,7 @@ def outer_elements(result: Result, mesh: DisplayMesh) -> tuple[NDArray[np.bool_]
     """Elements on the outside of a building (n,), and whether the scene has an inside at all.
 
     An element that sees little of the scene (its row sum of form factors is below one half) looks
-    outwards. Without row sums, those that look away from the scene's centre count.
+    outwards. Without row sums, those near the scene's bounding box that look out of it count.
     """
     areas = mesh.cell_areas.sum(axis=(1, 2))
     sums = np.asarray(result.row_sums, dtype=np.float64)
@@ -67,12 +67,23 @@ def outer_elements(result: Result, mesh: DisplayMesh) -> tuple[NDArray[np.bool_]
     if len(sums) and np.isfinite(sums).all() and float(sums.max()) > 0.0:
         outside = sums < 0.5
     else:
-        center = 0.5 * (mesh.points.min(axis=(0, 1, 2)) + mesh.points.max(axis=(0, 1, 2)))
-        normal = mesh.normals.mean(axis=(1, 2))
-        outside = ((center - mesh.points.mean(axis=(1, 2))) * normal).sum(axis=-1) <= 0.0
+        outside = _skin(mesh)
     total = float(areas.sum())
     interior = total > 0.0 and float(areas[~outside].sum()) > _INTERIOR_SHARE * total
     return np.asarray(outside), interior
+
+
+def _skin(mesh: DisplayMesh) -> NDArray[np.bool_]:
+    """Elements that look outwards within an eighth of the scene's size from its bounding box."""
+    low, high = mesh.points.min(axis=(0, 1, 2)), mesh.points.max(axis=(0, 1, 2))
+    normal = mesh.normals.mean(axis=(1, 2))
+    center = mesh.points.mean(axis=(1, 2))
+    axis = np.abs(normal).argmax(axis=1)
+    rows = np.arange(len(normal))
+    ahead = np.where(
+        normal[rows, axis] > 0.0, (high - center)[rows, axis], (center - low)[rows, axis]
+    )
+    return np.asarray(ahead < 0.125 * (high - low)[axis])
 
 
 def visible_cells(
@@ -132,7 +143,8 @@ def choose_view(
     drawn_part = ~outside if interior else np.ones(len(mesh.points), dtype=bool)
     fitted = mesh.points[drawn_part].reshape(-1, 3) if drawn_part.any() else points
     best: tuple[float, Any] = (-1.0, None)
-    for k in range(8):
+    # Very large scenes are judged from every second direction.
+    for k in range(0, 8, 1 if len(mesh.points) < 20_000 else 2):
         azimuth = math.radians(215.0 + 45.0 * k)  # from the south-west first, off the axes
         toward = np.array([math.sin(azimuth), math.cos(azimuth), 0.0]) * math.cos(altitude)
         direction = -(toward + np.array([0.0, 0.0, math.sin(altitude)]))

@@ -54,10 +54,7 @@ def scene_payload(result: Result) -> dict[str, Any] | None:
     span = np.maximum(high - low, 1e-9)
     lit = mesh.values[~mesh.emitting & ~(outside & interior)]
     scale = scale_for(lit if lit.size else mesh.values)
-    view = choose_view(
-        display_mesh(result, steps=min(mesh.steps, 2), max_cells=MAX_CELLS),
-        outside, interior, (900, 600),
-    )  # fmt: skip
+    view = choose_view(mesh.thinned(), outside, interior, (900, 600))
     # Turning goes about a point on the line of sight, as deep as the scene's centre.
     forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
     pivot = view.eye + forward * float((0.5 * (low + high) - view.eye) @ forward)
@@ -111,7 +108,8 @@ def _lines(mesh: Any, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     p, n = mesh.points, mesh.normals
     found, normals, outer = [], [], []
     for k, (line, cells) in enumerate((
-        (p[:, 0], n[:, 0]), (p[:, -1], n[:, -1]), (p[:, :, 0], n[:, :, 0]), (p[:, :, -1], n[:, :, -1])
+        (p[:, 0], n[:, 0]), (p[:, -1], n[:, -1]), (p[:, :, 0], n[:, :, 0]),
+        (p[:, :, -1], n[:, :, -1]),
     )):  # fmt: skip
         rows = mesh.borders[:, k]
         segment = np.stack([line[rows, :-1], line[rows, 1:]], axis=2)

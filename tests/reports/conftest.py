@@ -1,7 +1,7 @@
 """A furnished room with invented but plausible light, so that reports need no solver.
 
-Direct light of the lamp follows the inverse-square law of a small Lambertian source, sky light falls
-off from a window side, indirect light is nearly uniform. Pictures are traced analytically.
+Direct light of the lamp follows the inverse-square law of a small Lambertian source, sky light
+falls off from a window side, indirect light is nearly uniform. Pictures are traced analytically.
 """
 
 from __future__ import annotations
@@ -95,7 +95,9 @@ def scene_data(**changes: Any) -> SceneData:
         closed=np.ones(n, bool),
         material_index=material,
         luminaire_index=np.column_stack([emitting, np.full(n, -1)]),
-        parts=tuple(ScenePart(p, "office", "air" if k == 0 else "solid") for k, p in enumerate(names)),
+        parts=tuple(
+            ScenePart(p, "office", "air" if k == 0 else "solid") for k, p in enumerate(names)
+        ),
         faces=faces,
         materials=(
             Material(0.2, name="floor carpet"), Material(0.8, name="white ceiling"),
@@ -131,8 +133,10 @@ def elements_of(patches: PatchSet, pieces: int) -> Elements:
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     areas = bezier.areas(nets)
     return Elements(
-        nets, np.repeat(np.arange(p), per), np.zeros(p * per), np.tile(boxes, (p, 1)).reshape(-1, 4),
-        local.evaluate(u, v).reshape(-1, 4, 3), np.nan_to_num(local.normals(u, v)).reshape(-1, 4, 3),
+        nets, np.repeat(np.arange(p), per), np.zeros(p * per), 
+        np.tile(boxes, (p, 1)).reshape(-1, 4),
+        local.evaluate(u, v).reshape(-1, 4, 3),
+        np.nan_to_num(local.normals(u, v)).reshape(-1, 4, 3),
         np.repeat(areas[:, None] / 4.0, 4, axis=1), areas, np.zeros((p * per, 4), bool),
     )  # fmt: skip
 

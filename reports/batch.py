@@ -1,0 +1,134 @@
+"""Summary of a batch: one row a file, links to the reports, failures in sight."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from . import formats
+from .files import make_folder, write_text
+from .metrics import QUANTITIES
+from .report import environment
+from .run_files import SCHEMA_VERSION, csv_text, tool_version
+
+#: Statuses of an item that ended with a report.
+GOOD = ("ok", "done", "success", "converged", "cached")
+_COLUMNS = ("file", "status", "reason", "seconds", "faces", "patches", "report")
+
+
+def write_batch_summary(items: Iterable[Mapping[str, Any]], folder: str | Path) -> dict[str, Path]:
+    """Write ``summary.csv`` and ``summary.html`` into ``folder``.
+
+    Parameters
+    ----------
+    items : iterable of mappings
+        ``file``, ``status``, ``reason``, ``seconds``, ``report`` (path relative to ``folder``, or
+        None), ``faces``, ``patches`` and ``metrics`` (numbers by name; a number, or a mapping of
+        numbers by grid). Keys that are missing are shown as empty.
+    folder : path
+        Made when missing.
+
+    Returns
+    -------
+    dict of Path
+        The two files by name.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+    """
+    out = make_folder(folder)
+    rows = [_row(item) for item in items]
+    names = list(dict.fromkeys(name for row in rows for name in row["metrics"]))
+    table = [
+        [
+            SCHEMA_VERSION,
+            *(_cell(row[c]) for c in _COLUMNS),
+            *(_cell(row["metrics"].get(n)) for n in names),
+        ]
+        for row in rows
+    ]  # fmt: skip
+    html = (
+        environment()
+        .get_template("batch.html")
+        .render(
+            rows=[_shown(row, names) for row in rows],
+            names=[_heading(name) for name in names],
+            good=sum(row["good"] for row in rows),
+            bad=[_shown(row, names) for row in rows if not row["good"]],
+            total=len(rows),
+            seconds=sum(row["seconds"] or 0.0 for row in rows),
+            version=tool_version(),
+            written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        )
+    )
+    columns = ["schema_version", *_COLUMNS, *names]
+    return {
+        "summary.csv": write_text(out / "summary.csv", csv_text(columns, table)),
+        "summary.html": write_text(out / "summary.html", str(html)),
+    }
+
+
+def _row(item: Mapping[str, Any]) -> dict[str, Any]:
+    status = str(item.get("status") or "unknown")
+    file, reason = str(item.get("file") or ""), str(item.get("reason") or "")
+    return {
+        "file": file,
+        "status": status,
+        "good": status.lower() in GOOD,
+        # Messages name their file; the table has it already.
+        "reason": reason.removeprefix(f"{file}: "),
+        "seconds": item.get("seconds"),
+        "faces": item.get("faces"),
+        "patches": item.get("patches"),
+        "report": None if item.get("report") is None else str(item["report"]),
+        "metrics": dict(_flat(item.get("metrics") or {})),
+    }
+
+
+def _flat(metrics: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    """Nested metrics as ``grid.metric``."""
+    for name, value in metrics.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _cell(value: Any) -> Any:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return ""
+    return value
+
+
+def _shown(row: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """Texts of a row for the page."""
+    report = row["report"]
+    return row | {
+        "seconds": formats.seconds(row["seconds"]),
+        "faces": formats.MISSING if row["faces"] is None else formats.count(row["faces"]),
+        "patches": formats.MISSING if row["patches"] is None else formats.count(row["patches"]),
+        # Relative addresses: percent-encoded, and never taken for a scheme.
+        "href": "" if not report else "./" + quote(report.replace(os.sep, "/").removeprefix("./")),
+        "values": [_value(row["metrics"].get(name)) for name in names],
+    }
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return formats.MISSING
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return formats.number(float(value))
+    return str(value)
+
+
+def _heading(name: str) -> dict[str, str]:
+    grid, _, metric = name.rpartition(".")
+    unit = QUANTITIES.get(metric, ("", ""))[1]
+    return {"grid": grid, "metric": metric, "unit": "" if unit == "1" else unit}

@@ -1,0 +1,199 @@
+"""What was computed with, in the words and tables of the report; no layout here."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+from patchlight.solver.model import CIESky, SceneData
+
+from . import formats as f
+
+#: Sky types of ISO 15469:2004 (CIE S 011), table 1; 16 is the traditional overcast sky of the CIE.
+SKY_TYPES = {
+    1: "CIE standard overcast sky",
+    2: "overcast, steep gradation, slightly brighter towards the sun",
+    3: "overcast, moderate gradation, the same in all azimuths",
+    4: "overcast, moderate gradation, slightly brighter towards the sun",
+    5: "sky of uniform luminance",
+    6: "partly cloudy, no gradation, slightly brighter towards the sun",
+    7: "partly cloudy, no gradation, brighter around the sun",
+    8: "partly cloudy, no gradation, distinct solar corona",
+    9: "partly cloudy, sun obscured",
+    10: "partly cloudy, brighter around the sun",
+    11: "white-blue sky with distinct solar corona",
+    12: "CIE standard clear sky, low turbidity",
+    13: "CIE standard clear sky, polluted atmosphere",
+    14: "cloudless turbid sky with broad solar corona",
+    15: "white-blue turbid sky with broad solar corona",
+    16: "traditional CIE overcast sky (Moon and Spencer)",
+}
+
+
+def sky_text(sky: CIESky | None) -> str:
+    """Sky model and its absolute level."""
+    if sky is None:
+        return "none"
+    number = int(sky.type)
+    text = f"CIE type {number}, {SKY_TYPES[number]}"
+    if sky.diffuse_illuminance_lx is not None:
+        text += f"; {f.number(sky.diffuse_illuminance_lx)} lx diffuse horizontal"
+    elif sky.zenith_luminance_cd_m2 is not None:
+        text += f"; zenith luminance {f.number(sky.zenith_luminance_cd_m2)} cd/m²"
+    else:
+        text += "; no level given: scaled to 10 000 lx diffuse horizontal (relative)"
+    if sky.needs_sun:
+        text += f"; sun at {_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}"
+    return text + f"; {f.number(sky.cct_k, 4)} K"
+
+
+def _position(altitude: float | None, azimuth: float | None) -> str:
+    return f"altitude {f.number(altitude, 4)}°, azimuth {f.number(azimuth, 4)}° from north"
+
+
+def light_facts(scene: SceneData) -> list[tuple[str, str]]:
+    """Sky, sun, ground, site, north and maintenance factor."""
+    sun, ground, site = scene.sun, scene.ground, scene.site
+    daylight = scene.sky is not None or sun is not None
+    facts = [("Sky", sky_text(scene.sky))]
+    if sun is None:
+        facts.append(("Sun", "none"))
+    else:
+        facts.append((
+            "Sun",
+            f"{_position(sun.altitude_deg, sun.azimuth_deg)}; "
+            f"{f.number(sun.normal_illuminance_lx)} lx normal; disc of radius "
+            f"{f.number(sun.angular_radius_arcmin)}′; {f.number(sun.cct_k, 4)} K",
+        ))  # fmt: skip
+    if daylight:
+        known = ground is not None and ground.reflectance is not None
+        facts.append(
+            ("Ground", f"uniform, reflectance {ground.reflectance:g}" if known else "none")  # type: ignore[union-attr]
+        )
+    if site is not None:
+        place = (
+            f"{abs(site.latitude_deg):g}° {'N' if site.latitude_deg >= 0 else 'S'}, "
+            f"{abs(site.longitude_deg):g}° {'E' if site.longitude_deg >= 0 else 'W'}, "
+            f"{site.elevation_m:g} m"
+        )
+        facts.append(("Site", place + (f", {site.timezone}" if site.timezone else "")))
+    if daylight or scene.north_deg:
+        facts.append(("True north", f"{scene.north_deg:g}° clockwise from +y of the model"))
+    if scene.luminaires:
+        facts.append(("Maintenance factor", f"{scene.maintenance_factor:g}, on all luminaires"))
+    return facts
+
+
+def material_rows(scene: SceneData) -> list[dict[str, Any]]:
+    """Materials in use with swatch, reflectance, number of faces and area. [m²]"""
+    areas = scene.patches.areas() if len(scene.patches) else np.zeros(0)
+    rows = []
+    sides = np.asarray(scene.material_index)
+    active = np.column_stack([np.ones(len(areas), dtype=bool), scene.two_sided])
+    default = np.zeros(max(len(scene.faces), 1), dtype=bool)
+    default[: len(scene.default_faces)] = scene.default_faces
+    for k, material in enumerate(scene.materials):
+        used = (sides == k) & active
+        patches = used.any(axis=1)
+        if not patches.any():
+            continue
+        faces = np.unique(scene.patches.face_index[patches])
+        color = material.bands
+        text = f"{material.luminous_reflectance:.2f}"
+        if not material.is_grey:
+            text += " (RGB " + ", ".join(f"{b:.2f}" for b in color) + ")"
+        on_default = int(default[faces[faces < len(default)]].sum())
+        rows.append(
+            {
+                "name": material.name or f"material {k + 1}",
+                "swatch": f.srgb_hex(color),
+                "reflectance": text,
+                "faces": f.count(len(faces)),
+                "area": f.number(float((areas[:, None] * used).sum())),
+                "default": f.count(on_default) if on_default else "",
+            }
+        )
+    black = (sides == -1) & active & (np.asarray(scene.luminaire_index) < 0)
+    if black.any():
+        rows.append(
+            {
+                "name": "black",
+                "swatch": "#000000",
+                "reflectance": "0",
+                "faces": f.count(len(np.unique(scene.patches.face_index[black.any(axis=1)]))),
+                "area": f.number(float((areas[:, None] * black).sum())),
+                "default": "",
+            }
+        )
+    return rows
+
+
+def default_faces(scene: SceneData, *, limit: int = 40) -> tuple[int, list[str]]:
+    """Number of faces on the default material, and their names by part, the first ``limit``."""
+    rows = np.flatnonzero(scene.default_faces)
+    by_part: dict[str, list[int]] = defaultdict(list)
+    for row in rows:
+        face = scene.faces[row]
+        by_part[scene.parts[face.part].path].append(face.number)
+    lines = []
+    for path, numbers in list(by_part.items())[:limit]:
+        shown = ", ".join(f"#{n}" for n in sorted(numbers)[:12])
+        more = f" and {len(numbers) - 12} more" if len(numbers) > 12 else ""
+        lines.append(f"{path}: {shown}{more}")
+    if len(by_part) > limit:
+        lines.append(f"and {len(by_part) - limit} more parts")
+    return len(rows), lines
+
+
+def luminaire_rows(scene: SceneData) -> list[dict[str, str]]:
+    """Luminaires with what was computed with; equal ones of a group are counted together."""
+    merged: dict[tuple[Any, ...], list[str]] = defaultdict(list)
+    for lamp in scene.luminaires:
+        # Rounded: copies of one lamp differ by rounding of their area.
+        area = float(f"{lamp.area_m2:.6g}")
+        key = (
+            lamp.group,
+            lamp.flux_lm,
+            lamp.cct_k,
+            lamp.power_w,
+            area,
+            f.srgb_hex(_bright(lamp.color)),
+        )
+        merged[key].append(lamp.part)
+    rows = []
+    for (group, flux, cct, power, area, swatch), parts in merged.items():
+        new = flux / scene.maintenance_factor
+        rows.append(
+            {
+                "part": parts[0] + (f" … {parts[-1]}" if len(parts) > 1 else ""),
+                "count": f.count(len(parts)),
+                "group": group,
+                "flux": f.number(flux, 4),
+                "cct": f.number(cct, 4),
+                "power": f.number(power) if power else f.MISSING,
+                "efficacy": f.number(new / power) if power else f.MISSING,
+                "area": f.number(area),
+                "luminance": f.number(flux / area / np.pi) if area > 0.0 else f.MISSING,
+                "swatch": swatch,
+            }
+        )
+    return rows
+
+
+def _bright(color: Any) -> Any:
+    """Light colours are scaled to luminance 1 and may leave the display's range."""
+    c = np.maximum(np.asarray(color, dtype=np.float64), 0.0)
+    return c / max(float(c.max()), 1e-9)
+
+
+def luminaire_totals(scene: SceneData) -> str:
+    """Sum of flux and power, when there is more than one luminaire."""
+    if len(scene.luminaires) < 2:
+        return ""
+    flux = sum(lamp.flux_lm for lamp in scene.luminaires)
+    powers = [lamp.power_w for lamp in scene.luminaires]
+    text = f"Together {f.number(flux, 4)} lm"
+    if all(p is not None for p in powers):
+        text += f" and {f.number(sum(p for p in powers if p is not None))} W"
+    return text
