@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import NumericsError
+from .exchange import writable
 from .kernels.dome import dome_rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
@@ -137,9 +138,9 @@ def gather(
     for start in range(0, m, ROWS_PER_BLOCK):
         rows = slice(start, min(start + ROWS_PER_BLOCK, m))
         dome_rows(
-            np.ascontiguousarray(nodes[rows]),
-            np.ascontiguousarray(normals[rows]),
-            np.ascontiguousarray(weights[rows]),
+            writable(nodes[rows]),
+            writable(normals[rows]),
+            writable(weights[rows]),
             cells,
             tone,
             blockers,

@@ -48,6 +48,11 @@ class Rows:
     counters: dict[str, int]
 
 
+def writable(array: np.ndarray) -> np.ndarray:
+    """A C-contiguous writable copy: read-only arrays would compile every kernel again."""
+    return np.array(array, order="C")
+
+
 def make_sources(elements: Elements, patch_nets: FloatArray, cell_eps: FloatArray) -> Sources:
     """Pack elements as sources; they must be sorted by patch and side, as `make_elements` does."""
     key = elements.patch_index * 2 + elements.side
@@ -59,7 +64,7 @@ def make_sources(elements: Elements, patch_nets: FloatArray, cell_eps: FloatArra
     group_nets[flip] = group_nets[flip][:, ::-1]
     flags = shape_flags(np.ascontiguousarray(group_nets))
     return Sources(
-        nets=elements.nets,
+        nets=writable(elements.nets),
         cones=normal_cones(elements.nets),
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
@@ -116,10 +121,10 @@ def form_factor_matrix(
     for start in range(0, m, ROWS_PER_BLOCK):
         rows = slice(start, min(start + ROWS_PER_BLOCK, m))
         form_factor_rows(
-            np.ascontiguousarray(nodes[rows]),
-            np.ascontiguousarray(normals[rows]),
-            np.ascontiguousarray(weights[rows]),
-            np.ascontiguousarray(patches[rows]),
+            writable(nodes[rows]),
+            writable(normals[rows]),
+            writable(weights[rows]),
+            writable(patches[rows]),
             sources,
             blockers,
             eps,

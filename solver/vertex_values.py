@@ -29,7 +29,8 @@ def corner_values(scene: SceneData, elements: Elements, values: FloatArray) -> F
     """Values (n, 4, c) at the corners of each element's box from element means (n, c).
 
     Corners are in the order (u0, v0), (u1, v0), (u1, v1), (u0, v1). Patches of one face with the
-    same material share corners; other patches do not.
+    same material share corners; other patches do not. Values are means over the part of an element
+    that is not buried; wholly buried elements count for nothing.
     """
     n = len(elements)
     if n == 0:
@@ -38,9 +39,11 @@ def corner_values(scene: SceneData, elements: Elements, values: FloatArray) -> F
     vertex, hanging = _welded(scene, elements, u, v)
     count = int(vertex.max()) + 1
     means = np.repeat(values[:, None, :], 4, axis=1)
-    areas = np.repeat(elements.areas[:, None], 4, axis=1)
+    # Light that never reaches the part under another solid must not darken what is beside it.
+    free = np.where(elements.buried, 0.0, elements.weights).sum(axis=1)
+    areas = np.repeat(free[:, None], 4, axis=1)
     result, _ = _averaged(means, areas, vertex, count)
-    rim = _rim(vertex, hanging, count)
+    rim = _rim(vertex[free > 0.0], hanging, count)
     inner = result.copy()
     open_rim = rim.copy()
     # Opposite corners first, then the neighbours along the edges; strips one element wide keep

@@ -5,7 +5,7 @@ import numpy as np
 
 from .contour import horizon_tolerance, shift_net
 from .patch_factor import ALWAYS_FRONT, heights
-from .pyramid import NO_BLOCKER, see_blockers, visible_factor
+from .pyramid import NO_BLOCKER, make_scratch, see_blockers, visible_factor
 
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
@@ -35,10 +35,8 @@ def dome_rows(
     """
     p = blockers.nets.shape[0]
     for i in nb.prange(nodes.shape[0]):
-        shifted = np.empty((p, 4, 4, 4))
-        state = np.zeros(p, dtype=np.int64)
+        scratch = make_scratch(p, levels)
         listed = np.empty(p + 1, dtype=np.int64)
-        lists = np.empty((levels + 1, p + 1), dtype=np.int64)
         s, found, cone = np.empty((4, 4, 4)), np.empty(4), np.zeros(4)
         x, n = np.empty(3), np.empty(3)
         for q in range(nodes.shape[1]):
@@ -50,9 +48,9 @@ def dome_rows(
             rounding = horizon_tolerance(x)
             count = 0
             if trace:
-                see_blockers(blockers, x, n, rounding, shifted, state)
+                see_blockers(blockers, x, n, rounding, scratch.shifted, scratch.state)
                 for b in range(p):
-                    if state[b] != NO_BLOCKER:
+                    if scratch.state[b] != NO_BLOCKER:
                         listed[count] = b
                         count += 1
             for c in range(cells.shape[0]):
@@ -62,7 +60,7 @@ def dome_rows(
                     continue
                 visible_factor(
                     s, x, n, cone, ALWAYS_FRONT, -1, eps, cell_eps, rounding, tone, blockers,
-                    shifted, state, listed, count, lists, found,
+                    listed, count, scratch, found,
                 )  # fmt: skip
                 out[i, 0] += w * found[0]
                 out[i, 1] += w * w * found[1]

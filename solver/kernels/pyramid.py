@@ -47,6 +47,36 @@ MAX_CELLS = 20000
 _TOUCH = 1e-11
 
 
+class Scratch(NamedTuple):
+    """Arrays one thread works in, made once a row by `make_scratch`."""
+
+    stack: np.ndarray
+    depth: np.ndarray
+    parts: np.ndarray
+    small: np.ndarray
+    planes: np.ndarray
+    work: np.ndarray
+    lists: np.ndarray
+    shifted: np.ndarray
+    state: np.ndarray
+
+
+@nb.njit(cache=True, error_model="numpy")
+def make_scratch(patches, levels):
+    """Scratch arrays for scenes of so many patches and quarterings of so many levels."""
+    return Scratch(
+        np.empty((_STACK, 4, 4, 4)),
+        np.empty(_STACK, dtype=np.int64),
+        np.empty((14, 4, 4, 4)),
+        np.empty((6, 3)),
+        np.empty((6, 3)),
+        np.empty(WORK),
+        np.empty((levels + 1, patches + 1), dtype=np.int64),
+        np.empty((patches, 4, 4, 4)),
+        np.zeros(patches, dtype=np.int64),
+    )
+
+
 class Blockers(NamedTuple):
     """Patches that hide light; row b of every array is the same patch.
 
@@ -273,10 +303,10 @@ def _edge_outside(planes, n, rounding, s, side):
 def _one_sided_within(planes, s, rounding, parts):
     """Whether all of blocker ``s`` that meets the pyramid is seen from one side.
 
-    The blocker is quartered twice at most; ``parts`` (12, 4, 4, 4) is scratch.
+    The blocker is quartered twice at most; ``parts`` (14, 4, 4, 4) is scratch.
     """
     cone = np.empty(4)
-    low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
+    low_u, high_u = parts[12], parts[13]
     level = np.zeros(12, dtype=np.int64)
     parts[0] = s
     top = 1
@@ -409,25 +439,36 @@ def _is_small(planes):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _mean_luminance(s, tone, h, hu, hv):
-    """Mean luminance over 2 x 2 Gauss points of a small cell at infinity. [cd/m²]"""
+def _mean_luminance(s, n, tone, h, hu, hv):
+    """Mean luminance of a small cell at infinity, 2 x 2 Gauss points weighted as in dF. [cd/m²]"""
     total = 0.0
+    weights = 0.0
     for i in range(2):
         for j in range(2):
             u = 0.21132486540518713 if i == 0 else 0.7886751345948129
             v = 0.21132486540518713 if j == 0 else 0.7886751345948129
             surface(s, u, v, h, hu, hv)
-            size = math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
-            total += sky_luminance(
+            r2 = h[0] * h[0] + h[1] * h[1] + h[2] * h[2]
+            size = math.sqrt(r2)
+            det = (
+                h[0] * (hu[1] * hv[2] - hu[2] * hv[1])
+                + h[1] * (hu[2] * hv[0] - hu[0] * hv[2])
+                + h[2] * (hu[0] * hv[1] - hu[1] * hv[0])
+            )
+            up = n[0] * h[0] + n[1] * h[1] + n[2] * h[2]
+            # A cell cut by the horizon keeps a little weight everywhere, so that none is empty.
+            w = abs(det) * max(up, 1e-6 * size) / (r2 * r2)
+            weights += w
+            total += w * sky_luminance(
                 tone, tone[7], tone[8], tone[9], h[0] / size, h[1] / size, h[2] / size
             )
-    return 0.25 * total
+    return total / weights if weights > 0.0 else 0.0
 
 
 @nb.njit(cache=True, error_model="numpy")
 def visible_factor(
-    s0, x, n, cone0, flags, solid, eps, cell_eps, rounding, tone, blockers, shifted, state,
-    listed0, count0, lists, out,
+    s0, x, n, cone0, flags, solid, eps, cell_eps, rounding, tone, blockers, listed0, count0,
+    scratch, out,
 ):  # fmt: skip
     """Form factor of a cell past the listed blockers, weighted with luminance for the sky.
 
@@ -444,26 +485,21 @@ def visible_factor(
     tone : (10,) array, or (0,)
         Luminance of a cell at infinity: 7 parameters of `sky_luminance` and the sun's direction;
         empty for a plain form factor.
-    shifted, state
-        From `see_blockers`.
     listed0, count0
         Rows of the blockers that may lie in the way.
-    lists : (levels, p) int array
-        Scratch for the list of each level.
+    scratch : Scratch
+        From `make_scratch`, with the blockers as `see_blockers` left them.
     out : (4,) array
         Receives the (weighted) form factor, the sum of squares of sampled undecided factors (a
         variance), the number of cells visited, and the plain form factor.
     """
     out[0], out[1], out[2], out[3] = 0.0, 0.0, 0.0, 0.0
-    stack = np.empty((_STACK, 4, 4, 4))
-    depth = np.empty(_STACK, dtype=np.int64)
-    planes = np.empty((6, 3))
-    depths = np.empty(2)
-    cone = np.empty(4)
-    low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
-    h, hu, hv = np.empty(3), np.empty(3), np.empty(3)
-    work = np.empty(WORK)
-    parts = np.empty((12, 4, 4, 4))
+    stack, depth, parts = scratch.stack, scratch.depth, scratch.parts
+    planes, lists, work = scratch.planes, scratch.lists, scratch.work
+    shifted, state = scratch.shifted, scratch.state
+    h, hu, hv = scratch.small[0], scratch.small[1], scratch.small[2]
+    depths, cone = np.empty(2), np.empty(4)
+    low_u, high_u = parts[12], parts[13]
     deepest = lists.shape[0] - 1
     stack[0] = s0
     depth[0] = 0
@@ -538,7 +574,7 @@ def visible_factor(
         if lit and (tone.size == 0 or (ok and _is_small(planes))):
             value = patch_factor(cell, n, cone, flags, eps, rounding)
             out[3] += value
-            out[0] += value if tone.size == 0 else value * _mean_luminance(cell, tone, h, hu, hv)
+            out[0] += value if tone.size == 0 else value * _mean_luminance(cell, n, tone, h, hu, hv)
             continue
         surface(cell, 0.5, 0.5, h, hu, hv)
         r2 = h[0] ** 2 + h[1] ** 2 + h[2] ** 2
@@ -567,7 +603,7 @@ def visible_factor(
                     )
                 out[3] += value * share
                 if tone.size:
-                    value *= _mean_luminance(cell, tone, h, hu, hv)
+                    value *= _mean_luminance(cell, n, tone, h, hu, hv)
                 out[0] += value * share
                 if not lit:
                     # A cell cut once: of its strata one or two are half lit at worst.

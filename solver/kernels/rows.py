@@ -11,7 +11,7 @@ import numpy as np
 
 from .contour import horizon_tolerance, shift_net
 from .patch_factor import CONCAVE, CONVEX, PLANAR, facing_of, heights, patch_factor
-from .pyramid import FRONT, NO_BLOCKER, see_blockers, visible_factor
+from .pyramid import FRONT, NO_BLOCKER, make_scratch, see_blockers, visible_factor
 
 #: Columns of the counters of a row.
 SKIPPED_FACING, SKIPPED_HORIZON, UNOCCLUDED, TRACED, CELLS = range(5)
@@ -67,14 +67,15 @@ def _apart(x, source, blocker):
 
 @nb.njit(cache=True, error_model="numpy")
 def _row(
-    x, n, own, own_patch, sources, blockers, eps, trace, shifted, state, listed, near, lists,
-    s, found, weight, factors, variances, counters,
+    x, n, own, own_patch, sources, blockers, eps, trace, scratch, listed, near, s, found, weight,
+    factors, variances, counters,
 ):  # fmt: skip
     """Add ``weight`` times the form factors from one node to ``factors`` (n,)."""
     rounding = horizon_tolerance(x)
     plain = np.empty(0)
+    state = scratch.state
     if trace:
-        see_blockers(blockers, x, n, rounding, shifted, state)
+        see_blockers(blockers, x, n, rounding, scratch.shifted, state)
     for g in range(sources.group.shape[0]):
         first, end, patch = sources.group[g, 0], sources.group[g, 1], sources.group[g, 2]
         size = end - first
@@ -133,7 +134,7 @@ def _row(
                 continue
             visible_factor(
                 s, x, n, sources.cones[j], 0, solid, eps, sources.cell_eps[j], rounding, plain,
-                blockers, shifted, state, near, k, lists, found,
+                blockers, near, k, scratch, found,
             )  # fmt: skip
             factors[j] += weight * found[0]
             variances[j] += weight * weight * found[1]
@@ -169,10 +170,8 @@ def form_factor_rows(
     """
     p = blockers.nets.shape[0]
     for i in nb.prange(nodes.shape[0]):
-        shifted = np.empty((p, 4, 4, 4))
-        state = np.zeros(p, dtype=np.int64)
+        scratch = make_scratch(p, levels)
         listed, near = np.empty(p + 1, dtype=np.int64), np.empty(p + 1, dtype=np.int64)
-        lists = np.empty((levels + 1, p + 1), dtype=np.int64)
         s, found = np.empty((4, 4, 4)), np.empty(4)
         x, n = np.empty(3), np.empty(3)
         for q in range(nodes.shape[1]):
@@ -181,6 +180,6 @@ def form_factor_rows(
             for k in range(3):
                 x[k], n[k] = nodes[i, q, k], normals[i, q, k]
             _row(
-                x, n, i, patches[i], sources, blockers, eps, trace, shifted, state, listed, near,
-                lists, s, found, weights[i, q], factors[i], variances[i], counters[i],
+                x, n, i, patches[i], sources, blockers, eps, trace, scratch, listed, near,
+                s, found, weights[i, q], factors[i], variances[i], counters[i],
             )  # fmt: skip
