@@ -9,6 +9,9 @@ from patchlight.solver.model.arrays import FloatArray
 
 from .arcs import Arc
 
+#: Quality of a cell with a corner of 180 degrees: above what is refused, below what is preferred.
+SMOOTH_JOINT = 0.03
+
 
 @dataclass(slots=True)
 class Cell:
@@ -56,7 +59,27 @@ def quality(sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) 
     cross = ds[..., 0] * dt[..., 1] - ds[..., 1] * dt[..., 0]
     length = np.linalg.norm(ds, axis=-1) * np.linalg.norm(dt, axis=-1)
     sine = cross / np.maximum(length, 1e-300)
-    return np.asarray(sine.min(axis=(1, 2)))
+    return np.minimum(sine.min(axis=(1, 2)), _corner_sines(sides))
+
+
+def _corner_sines(
+    sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]],
+) -> FloatArray:
+    """Smallest sine (m,) of the corners between sides of some length.
+
+    Tangents are one-sided differences of second order. A cusp between two sides that leave a
+    corner in one direction counts in full; a smooth joint (180 degrees) is ugly but valid.
+    """
+    p = np.array(sides)  # (m, 4, 9, 2)
+    out_of = -3.0 * p[:, :, 0] + 4.0 * p[:, :, 1] - p[:, :, 2]
+    into = np.roll(-3.0 * p[:, :, -1] + 4.0 * p[:, :, -2] - p[:, :, -3], 1, axis=1)
+    cross = out_of[..., 0] * into[..., 1] - out_of[..., 1] * into[..., 0]
+    dot = (out_of * into).sum(axis=-1)
+    length = np.linalg.norm(out_of, axis=-1) * np.linalg.norm(into, axis=-1)
+    sine = cross / np.maximum(length, 1e-300)
+    sine = np.where(dot < 0.0, np.maximum(sine, SMOOTH_JOINT), sine)
+    collapsed = length <= 1e-12 * length.max(axis=1, keepdims=True)
+    return np.asarray(np.where(collapsed, 1.0, sine).min(axis=1))
 
 
 def side_samples(arc: Arc | None, point: FloatArray | None = None) -> FloatArray:

@@ -179,8 +179,12 @@ def _curved(
     gap = _edge_gap(raw)
     if wanted <= 1e-13 * domain.size**2:
         raise GeometryError("the boundary encloses no area")
-    margin = min(1e-6 * domain.size, 0.1 * tolerance)
-    box = rectangle(domain, margin)
+    box = rectangle(domain, min(1e-6 * domain.size, 0.1 * tolerance))
+    if box is None:
+        # Nearly a rectangle: taken as one when its area says that nothing is lost.
+        box = rectangle(domain, min(1e-4 * domain.size, 0.1 * tolerance))
+        if box is not None and not _relative(_box_area(surface, box), wanted) < 2e-5:
+            box = None
     # The tolerance follows the part, but a small face must keep its own area and shape as well.
     fine = min(tolerance, 1e-3 * max(domain.size, 1e-300))
     if box is not None and isinstance(surface, SplineSurface):
@@ -202,6 +206,16 @@ def _curved(
         if not cut.reason.startswith(("area", "the tol")) or len(cut.nets) < len(out.nets):
             return cut
     return out
+
+
+def _box_area(surface: Surface, box: Rectangle) -> float:
+    """Area of the surface over a rectangle, by Gauss quadrature. [file units²]"""
+    u0, u1, v0, v1 = box.box
+    x, w = bezier.gauss_rule(16)
+    u, v = np.meshgrid(u0 + (u1 - u0) * x, v0 + (v1 - v0) * x, indexing="ij")
+    _, a, b = surface.evaluate(u, v)
+    j = np.linalg.norm(np.cross(a, b), axis=-1)
+    return float(w @ j @ w) * (u1 - u0) * (v1 - v0)
 
 
 def _adaptive(

@@ -10,6 +10,7 @@ import numpy as np
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
 
+from . import nurbs
 from .arcs import Arc, Chord, EdgeArc, NetArc, flat_chord
 from .chains import chain, split_by_turning, stations
 from .curves import Conic
@@ -42,8 +43,12 @@ def planar_domain(face: RawFace, surface: Plane, tolerance: float) -> Domain:
     lift[0, :3], lift[1, :3], lift[2, :3], lift[2, 3] = x, y, o, 1.0
     loops: list[Loop] = []
     exact, gap = True, 0.0
+    along = _main_direction(face, to_flat)
     for uses in face.loops:
-        loop: Loop = []
+        loop: Loop = _whole_circle(uses, to_flat, along) if len(face.loops) > 1 else []
+        if loop:
+            loops.append(loop)
+            continue
         for use in uses:
             pieces = chain(use.edge, tolerance)
             ordered = pieces[::-1] if use.reversed else pieces
@@ -72,6 +77,74 @@ def planar_domain(face: RawFace, surface: Plane, tolerance: float) -> Domain:
         return flat_chord(p, q, lift)
 
     return Domain(_regions(cleaned), chord, np.ones(2), size, exact, gap)
+
+
+def _main_direction(face: RawFace, to_flat: FloatArray) -> float:
+    """Angle in the plane of the longest straight edge of a face [rad]; 0 without one."""
+    longest, angle = 0.0, 0.0
+    for uses in face.loops:
+        for use in uses:
+            if use.edge.curve is None or not use.edge.curve.straight:
+                continue
+            ends = use.edge.curve.evaluate(np.array([use.edge.start, use.edge.end]))
+            d = (ends[1] - ends[0]) @ to_flat[:3, :2]
+            length = float(np.linalg.norm(d))
+            if length > longest * (1.0 + 1e-9):
+                longest, angle = length, math.atan2(d[1], d[0])
+    return angle
+
+
+def _whole_circle(uses: list[EdgeUse], to_flat: FloatArray, along: float) -> Loop:
+    """Four arcs of a loop that is one full circle, else nothing.
+
+    The arcs end at 45 degrees to the main direction of the face, where the diagonals between
+    neighbouring holes and towards the corners leave: tangent diagonals would give cusps. The
+    circle is the same on the other face of the edge, wherever that one has its corners.
+    """
+    first = uses[0].edge.curve
+    if not (isinstance(first, Conic) and first.kind == "ellipse"):
+        return []
+    radius = float(np.linalg.norm(first.x))
+    total = 0.0
+    for use in uses:
+        c = use.edge.curve
+        if not (isinstance(c, Conic) and c.kind == "ellipse"):
+            return []
+        off = max(
+            np.abs(c.center - first.center).max(),
+            *(abs(float(np.linalg.norm(a)) - radius) for a in (c.x, c.y)),
+        )
+        if off > 1e-9 * radius:
+            return []
+        total += use.edge.end - use.edge.start
+    if abs(total - 2.0 * math.pi) > 1e-7:
+        return []
+    start = (first.x @ to_flat[:3, 0], first.x @ to_flat[:3, 1])
+    turn = float(np.cross(first.x, first.y) @ np.cross(to_flat[:3, 0], to_flat[:3, 1]))
+    sense = 1.0 if turn > 0.0 else -1.0
+    phase = sense * (along + 0.25 * math.pi - math.atan2(start[1], start[0]))
+    arcs: Loop = []
+    backwards = uses[0].reversed
+    for k in range(4):
+        a = phase + 0.5 * math.pi * k
+        net = nurbs.elevation(2) @ first.quadratic(a, a + 0.5 * math.pi)
+        if backwards:
+            net = net[::-1]
+        edge = _edge_on_circle(uses, first.evaluate(np.array([a + 0.25 * math.pi]))[0])
+        arcs.append(NetArc(net, net @ to_flat, edge, False))
+    return arcs[::-1] if backwards else arcs
+
+
+def _edge_on_circle(uses: list[EdgeUse], point: FloatArray) -> int:
+    """Edge of a circle that holds ``point``."""
+    for use in uses:
+        c = use.edge.curve
+        assert isinstance(c, Conic)
+        d = point - c.center
+        t = math.atan2(float(d @ c.y), float(d @ c.x))
+        if (t - use.edge.start) % (2.0 * math.pi) <= use.edge.end - use.edge.start + 1e-12:
+            return use.edge.index
+    return -1
 
 
 def _is_line(points: FloatArray) -> bool:

@@ -25,6 +25,7 @@ Loop = list[Arc]
 GOOD = 0.2
 PAIRED = 0.1
 THIN = 0.02
+FOLDED = 1e-3
 SMOOTH = math.cos(math.radians(20.0))
 MOST_ARCS = 3000
 
@@ -196,10 +197,13 @@ def _center(arc: Arc) -> FloatArray | None:
 
 def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
     reason = ""
+    fallback: list[Cell] | None = None
+    fewest = 0
+    loops = [loop if len(loop) > 2 else _split_up(loop) for loop in loops]
     tries = (True, False) if planar else (False,)
     for sectors in tries:
         current: list[Loop] = loops
-        for _ in range(7):
+        for round_ in range(7):
             for _ in range(6):
                 bad = _offenders(current)
                 if not bad:
@@ -215,9 +219,13 @@ def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
                 return extra
             if sectors and not _clean(cut):
                 break
-            cells, worst, reason = _paired(cut, chord)
+            # Thin cells are worth two rounds of halving, folded ones more.
+            limit = THIN if round_ < 2 else FOLDED
+            cells, worst, reason = _paired(cut, chord, limit)
             if cells is not None and not worst:
                 return extra + cells
+            if cells is not None and (fallback is None or len(worst) < fewest):
+                fallback, fewest = extra + cells, len(worst)
             if cells is None:
                 curved = {id(a) for loop in current for a in loop if not a.straight}
                 worst = curved or {id(a) for loop in current for a in loop}
@@ -229,7 +237,16 @@ def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
             if sum(len(loop) for loop in current) > MOST_ARCS:
                 break
             current = _halve(current, worst & known)
+    if fallback is not None:
+        return fallback  # thin cells; the area of the patches decides whether they may stay
     raise GeometryError(reason or "no valid decomposition into four-sided cells")
+
+
+def _split_up(loop: Loop) -> Loop:
+    """A loop of one or two arcs as four."""
+    while len(loop) < 4:
+        loop = [half for arc in loop for half in arc.halves()]
+    return loop
 
 
 def _clean(loops: list[Loop]) -> bool:
@@ -238,7 +255,9 @@ def _clean(loops: list[Loop]) -> bool:
     return not crossings(p, q).any()
 
 
-def _paired(loops: list[Loop], chord: ChordMaker) -> tuple[list[Cell] | None, set[int], str]:
+def _paired(
+    loops: list[Loop], chord: ChordMaker, limit: float
+) -> tuple[list[Cell] | None, set[int], str]:
     """Cells of a triangulation, identities of the arcs to halve, and why it failed."""
     vertices = [np.array([a.start for a in loop]) for loop in loops]
     triangles = triangulate(vertices)
@@ -280,7 +299,7 @@ def _paired(loops: list[Loop], chord: ChordMaker) -> tuple[list[Cell] | None, se
     cells = [Cell(sides[k]) for k in chosen]  # type: ignore[arg-type]
     used = {t for k in chosen for t in pairs[k]}
     worst: set[int] = set()
-    chosen_bad = [k for k in chosen if q[k] < THIN]
+    chosen_bad = [k for k in chosen if q[k] < limit]
     for k in chosen_bad:
         worst.update(id(a) for a in sides[k] if not a.straight)
     for i, t in enumerate(triangles):
@@ -288,7 +307,7 @@ def _paired(loops: list[Loop], chord: ChordMaker) -> tuple[list[Cell] | None, se
             continue
         three = [side(t[k], t[(k + 1) % 3]) for k in range(3)]
         cell, best = _triangle(three)
-        if best < THIN:
+        if best < limit:
             curved = [id(a) for a in three if not a.straight]
             worst.update(curved)
         cells.append(cell)
