@@ -1,5 +1,6 @@
 """Pictures: uniform fields, known luminances, smoothness, sky, sun and ground, projections."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -156,6 +157,17 @@ def test_hanging_corners_and_welded_patches_show_no_step():
     )
     corners = corner_values(split, elements, np.where(elements.patch_index == 0, 1.0, 5.0)[:, None])
     assert np.unique(np.round(corners, 12)).tolist() == [1.0, 5.0]
+
+
+def test_buried_elements_do_not_darken_their_neighbours():
+    floor = PatchSet.from_bilinear([[(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
+    elements = elements_of(floor, 4)
+    covered = elements.boxes[:, 0] >= 0.75
+    elements = dataclasses.replace(elements, buried=covered[:, None])
+    values = np.where(covered[:, None], 0.0, means_of(elements, lambda u, v: 1.0 + u))
+    corners = corner_values(scene_of(floor), elements, values)[~covered, :, 0]
+    u = elements.boxes[~covered][:, [0, 1, 1, 0]]
+    assert corners == pytest.approx(1.0 + u, rel=1e-13)
 
 
 def test_emission_is_not_smeared():
