@@ -16,8 +16,8 @@ from .metrics import QUANTITIES
 from .report import environment
 from .run_files import SCHEMA_VERSION, csv_text, tool_version
 
-#: Statuses of an item that ended with a report.
-GOOD = ("ok", "done", "success", "converged", "cached")
+#: Statuses of an item that needs no second look.
+GOOD = ("ok", "done", "cached")
 _COLUMNS = ("file", "status", "reason", "seconds", "faces", "patches", "report")
 
 
@@ -60,8 +60,9 @@ def write_batch_summary(items: Iterable[Mapping[str, Any]], folder: str | Path) 
         .render(
             rows=[_shown(row, names) for row in rows],
             names=[_heading(name) for name in names],
-            good=sum(row["good"] for row in rows),
-            bad=[_shown(row, names) for row in rows if not row["good"]],
+            with_report=sum(row["kind"] != "fail" for row in rows),
+            bad=[_shown(row, names) for row in rows if row["kind"] == "fail"],
+            unsure=[_shown(row, names) for row in rows if row["kind"] == "open"],
             total=len(rows),
             seconds=sum(row["seconds"] or 0.0 for row in rows),
             version=tool_version(),
@@ -81,7 +82,8 @@ def _row(item: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "file": file,
         "status": status,
-        "good": status.lower() in GOOD,
+        # With a report but something to say is neither good nor lost.
+        "kind": "pass" if status.lower() in GOOD else "open" if item.get("report") else "fail",
         # Messages name their file; the table has it already.
         "reason": reason.removeprefix(f"{file}: "),
         "seconds": item.get("seconds"),

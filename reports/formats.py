@@ -88,9 +88,21 @@ def length(metres: float | None) -> str:
     if metres == 0.0:
         return "0"
     for factor, unit in ((1.0, "m"), (1e3, "mm"), (1e6, "µm"), (1e9, "nm")):
-        if abs(metres) * factor >= 1.0 or unit == "nm":
+        if abs(metres) * factor >= 1.0:
             return f"{number(metres * factor, 3)} {unit}"
-    return MISSING
+    return "< 1 nm"
+
+
+def angle(degrees: float | None) -> str:
+    """An angular deviation; below 0.0001° it is rounding."""
+    if degrees is None or not math.isfinite(degrees):
+        return MISSING
+    return "< 0.0001°" if 0.0 < abs(degrees) < 1e-4 else f"{number(degrees, 2)}°"
+
+
+def setting(value: Any) -> Any:
+    """A setting as shown: floats without the digits of binary rounding."""
+    return f"{value:.6g}" if isinstance(value, float) else value
 
 
 def seconds(value: float | None) -> str:

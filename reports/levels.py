@@ -78,17 +78,23 @@ def standard_levels(low: float, high: float) -> NDArray[np.float64]:
     return series[first : last + 1]
 
 
-def scale_for(values: ArrayLike) -> Scale:
-    """Levels that suit ``values``: two to eight classes over nearly all of them.
+def scale_for(values: ArrayLike, weights: ArrayLike | None = None) -> Scale:
+    """Levels that suit ``values``: two to eight classes over nearly all of them (of their weight).
 
     Narrow ranges get equal round steps, wide ranges the scale of EN 12464-1, very wide ones every
     second or third level of it. Isolated extremes (below 1 % of the values) do not stretch it.
     """
     v = np.asarray(values, dtype=np.float64)
-    v = v[np.isfinite(v) & (v > 0.0)]
+    w = np.ones_like(v) if weights is None else np.asarray(weights, dtype=np.float64)
+    use = np.isfinite(v) & (v > 0.0) & (w > 0.0)
+    v, w = v[use], w[use]
     if v.size == 0:
         return Scale(np.array([0.0, 1.0]))
-    low, high = np.quantile(v, (0.01, 0.99)) if v.size >= 200 else (float(v.min()), float(v.max()))
+    low, high = float(v.min()), float(v.max())
+    if v.size >= 200:
+        order = np.argsort(v)
+        share = np.cumsum(w[order]) / w.sum()
+        low, high = v[order][np.searchsorted(share, (0.01, 0.99))]
     if high / low < 1.8:
         return Scale(_linear_levels(float(low), float(high)))
     # Under a hundredth of the top nothing is read off a plan: the first class takes it all.

@@ -14,7 +14,7 @@ from .formats import number
 from .lattice import Lattice, PlaneFrame, find_lattice, plane_frame, smooth_field
 from .legend import PANEL, draw_bar, draw_length, draw_north
 from .levels import Scale, level_text, pale, scale_for
-from .section import cut
+from .section import cut, joined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,8 +38,9 @@ def plan_figure(
     scale = scale_for(values)
     lattice = find_lattice(uv, grid.area_m2) if frame.flat else None
     rings = [frame.project(np.asarray(ring)) for ring in grid.outline if len(ring) >= 3]
-    walls = _walls(grid, frame, triangles) if frame.flat else np.zeros((0, 2, 2))
-    box = _extent(uv, lattice, rings, walls)
+    area = _extent(uv, lattice, rings)
+    walls = _walls(grid, frame, triangles, area) if frame.flat else []
+    box = _padded(np.concatenate([np.reshape(area, (2, 2)).T, *walls]), len(uv))
     labels: list[tuple[float, float]] = []
     figure, axes = _page(box, 6.4 if len(values) > 4 else 3.0)
     if lattice is not None and min(lattice.row.shape) >= 2:
@@ -64,37 +65,42 @@ def plan_figure(
 
 
 def _walls(
-    grid: SensorResult, frame: PlaneFrame, triangles: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Segments (s, 2, 2) of the scene a little in front of the grid's plane. [m]"""
+    grid: SensorResult, frame: PlaneFrame, triangles: NDArray[np.float64], area: Any
+) -> list[NDArray[np.float64]]:
+    """Lines (m, 2) of the scene a little in front of the grid's plane. [m]"""
     if len(triangles) == 0:
-        return np.zeros((0, 2, 2))
+        return []
     # Exactly in the plane a table top or floor would give stray lines.
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     up = frame.normal * (1.0 if not frame.horizontal else np.sign(frame.normal[2]))
     segments = cut(triangles, frame.origin + 2e-3 * size * up, up)
     flat = frame.project(segments.reshape(-1, 3)).reshape(-1, 2, 2)
-    uv = frame.project(grid.points)
-    low, high = uv.min(axis=0), uv.max(axis=0)
+    low, high = np.array(area[::2]), np.array(area[1::2])
     # Only what is near the measured area: a site plan would shrink the room to a dot.
     reach = max(1.0, 0.2 * float((high - low).max()))
     near = ((flat.max(axis=1) >= low - reach) & (flat.min(axis=1) <= high + reach)).all(axis=1)
-    return np.clip(flat[near], low - reach, high + reach)
+    return joined(np.clip(flat[near], low - reach, high + reach))
 
 
 def _extent(
-    uv: NDArray[np.float64], lattice: Lattice | None, rings: list[Any], walls: NDArray[np.float64]
+    uv: NDArray[np.float64], lattice: Lattice | None, rings: list[Any]
 ) -> tuple[float, float, float, float]:
-    points = [uv, *rings, walls.reshape(-1, 2)]
+    """Measured area u0, u1, v0, v1. [m]"""
+    points = [uv, *rings]
     if lattice is not None:
-        u0, u1, v0, v1 = lattice.edges
-        points.append(np.array([[u0, v0], [u1, v1]]))
-    every = np.concatenate([p for p in points if len(p)])
+        points.append(np.reshape(lattice.edges, (2, 2)).T)
+    every = np.concatenate(points)
     low, high = every.min(axis=0), every.max(axis=0)
-    size = max(float((high - low).max()), 1e-6)
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def _padded(points: NDArray[np.float64], count: int) -> tuple[float, float, float, float]:
+    """Box u0, u1, v0, v1 of the drawing around ``points`` (m, 2). [m]"""
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float((high - low).max())
     if size <= 1e-6:
         size = 1.0
-    pad = 0.03 * size if len(uv) > 1 else 0.5 * size
+    pad = 0.03 * size if count > 1 else 0.5 * size
     # A single row or point still gets a strip to be drawn in.
     thin = np.maximum(0.12 * size - (high - low), 0.0) / 2.0
     low, high = low - pad - thin, high + pad + thin
@@ -218,14 +224,13 @@ def _draw_points(
     )  # fmt: skip
 
 
-def _draw_lines(axes: Axes, walls: NDArray[np.float64], rings: list[Any]) -> None:
+def _draw_lines(axes: Axes, walls: list[NDArray[np.float64]], rings: list[Any]) -> None:
     from matplotlib.collections import LineCollection
 
-    if len(walls):
-        axes.add_collection(
-            LineCollection(list(walls), colors=figures.INK, linewidths=1.6, zorder=4,
-                           capstyle="round"), autolim=False,
-        )  # fmt: skip
+    if walls:
+        lines = LineCollection(walls, colors=figures.INK, linewidths=1.6, zorder=4)
+        lines.set(capstyle="round", joinstyle="round")
+        axes.add_collection(lines, autolim=False)
     for ring in rings:
         closed = np.vstack([ring, ring[:1]])
         axes.plot(closed[:, 0], closed[:, 1], color=figures.INK, lw=0.9, ls=(0, (4, 2)), zorder=3)

@@ -40,6 +40,7 @@ def environment() -> Any:
         percent=formats.percent,
         whole=formats.count,
         metres=formats.length,
+        angle=formats.angle,
         duration=formats.seconds,
         scientific=formats.scientific,
         verdict_class=summary.verdict_class,
@@ -115,8 +116,8 @@ def render_report(
         "stages": list(result.stages.items()),
         "stage_total": sum(result.stages.values()),
         "skipped": list(result.skipped.items()),
-        "counters": list(result.counters.items()),
-        "settings": [(k, formats.plain(v)) for k, v in settings.items()],
+        "counters": [(k.replace("_", " "), n) for k, n in result.counters.items()],
+        "settings": [(k, formats.setting(formats.plain(v))) for k, v in settings.items()],
         "libraries": library_versions(),
         "cores": os.cpu_count(),
         "config": config,
@@ -213,7 +214,7 @@ def _source(source: Any) -> dict[str, Any]:
                 "number": face.number,
                 "kind": face.kind,
                 "deviation": formats.length(face.deviation_m),
-                "angle": formats.number(face.angle_deg, 2),
+                "angle": formats.angle(face.angle_deg),
                 "reason": face.reason,
             }
             for face in sorted(source.certificate.faces, key=lambda face: -face.deviation_m)

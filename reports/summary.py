@@ -30,6 +30,7 @@ def overall_verdict(result: Result, requirements: Sequence[RequirementResult]) -
     failed = [r for r in requirements if r.verdict == FAIL]
     undecided = [r for r in requirements if r.verdict == UNDECIDED]
     total = len(requirements)
+    all_met = ("The requirement is" if total == 1 else f"All {total} requirements are") + " met"
     late = "" if result.converged else " The accuracy asked for was not reached."
     if not total:
         if not result.converged:
@@ -44,9 +45,8 @@ def overall_verdict(result: Result, requirements: Sequence[RequirementResult]) -
         head = f"{len(undecided)} of {total} requirements not decidable"
         return Verdict("open", head, f"Not decidable within the numerical error: {names}.{late}")
     if not result.converged:
-        return Verdict("open", "Accuracy not reached", f"All {total} requirements are met." + late)
-    word = "The requirement is" if total == 1 else f"All {total} requirements are"
-    return Verdict("pass", f"{word} met", "Each holds over its whole range of numerical error.")
+        return Verdict("open", "Accuracy not reached", f"{all_met}.{late}")
+    return Verdict("pass", all_met, "Each holds over its whole range of numerical error.")
 
 
 def headline_numbers(result: Result) -> str:

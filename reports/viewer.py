@@ -52,8 +52,8 @@ def scene_payload(result: Result) -> dict[str, Any] | None:
     points = mesh.points.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     span = np.maximum(high - low, 1e-9)
-    lit = mesh.values[~mesh.emitting & ~(outside & interior)]
-    scale = scale_for(lit if lit.size else mesh.values)
+    lit = ~mesh.emitting & ~(outside & interior)
+    scale = scale_for(mesh.values[lit][:, :-1, :-1], mesh.cell_areas[lit])
     view = choose_view(mesh.thinned(), outside, interior, (900, 600))
     # Turning goes about a point on the line of sight, as deep as the scene's centre.
     forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
