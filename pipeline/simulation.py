@@ -20,7 +20,6 @@ def simulate(
     *,
     accuracy: float | None = None,
     visibility: str = "auto",
-    method: str = "default",
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Result:
@@ -35,8 +34,6 @@ def simulate(
         grid's mean; every tolerance follows from it. 0.01, or what the scene file says.
     visibility : str
         How hiding is computed; see `patchlight.solver.simulation.solve`.
-    method : str
-        Way of computing form factors; see `patchlight.solver.simulation.solve`.
     progress : callable, optional
         Called as ``progress(stage, done, total)``.
     threads : int, optional
@@ -64,7 +61,6 @@ def simulate(
         data,
         accuracy=accuracy,
         visibility=visibility,
-        method=method,
         progress=progress,
         threads=threads,
     )
