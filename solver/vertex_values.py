@@ -11,6 +11,7 @@ neighbour are interpolated along that edge, so that no step shows there.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import bernstein
@@ -64,7 +65,7 @@ def corner_values(scene: SceneData, elements: Elements, values: FloatArray) -> F
 
 def _averaged(
     at_corners: FloatArray, weight: FloatArray, vertex: IntArray, count: int
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Weighted means (count, c) of corner values (..., 4, c), and which vertices have weight."""
     flat, ids, w = at_corners.reshape(vertex.size, -1), vertex.ravel(), weight.ravel()
     total = np.bincount(ids, w, count)
@@ -103,11 +104,12 @@ def _welded(
                 (1.0 - share) * v + share * v[:, following],
             )
         )
-    number = np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].reshape(-1)
+    places = np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].reshape(-1)
     # Places that are no corner of any element are dropped from the numbering.
-    rank = np.full(int(number.max()) + 1, -1)
-    rank[np.unique(number[:count])] = np.arange(len(np.unique(number[:count])))
-    number = rank[number].reshape(-1, count)
+    rank = np.full(int(places.max()) + 1, -1)
+    corners = np.unique(places[:count])
+    rank[corners] = np.arange(len(corners))
+    number = rank[places].reshape(-1, count)
     first = number[0]
     second = first.reshape(-1, 4)[:, following].ravel()
     hits = [
