@@ -54,7 +54,7 @@ def svg(figure: Figure, *, prefix: str) -> str:
     """Inline SVG; ``prefix`` keeps the ids of several figures of a page apart."""
     stream = io.StringIO()
     nothing: dict[str, Any] = {"Date": None, "Creator": None}  # same numbers, same bytes
-    figure.savefig(stream, format="svg", metadata=nothing)
+    figure.savefig(stream, format="svg", metadata=nothing, dpi=200)  # dpi of rasterised points
     text = stream.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

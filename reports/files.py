@@ -37,17 +37,24 @@ def safe_name(name: str) -> str:
     return text if len(text) <= MAX_STEM else f"{text[: MAX_STEM - 9]}_{digest}"
 
 
-def safe_names(names: Iterable[str]) -> dict[str, str]:
-    """`safe_name` of each name, made unique without regard to case by ``-2``, ``-3``, …"""
-    taken: set[str] = set()
+def safe_names(
+    names: Iterable[str], *, endings: Iterable[str] = ("",), reserved: Iterable[str] = ()
+) -> dict[str, str]:
+    """`safe_name` of each name, made unique without regard to case by ``-2``, ``-3``, …
+
+    With several ``endings`` a file of each is written for every name, and none of them may be that
+    of another name or ``reserved``.
+    """
+    endings = tuple(endings)
+    taken: set[str] = {name.lower() for name in reserved}
     stems: dict[str, str] = {}
     for name in names:
         stem = base = safe_name(name)
         count = 1
-        while stem.lower() in taken:
+        while any((stem + ending).lower() in taken for ending in endings):
             count += 1
             stem = f"{base}-{count}"
-        taken.add(stem.lower())
+        taken.update((stem + ending).lower() for ending in endings)
         stems[name] = stem
     return stems
 

@@ -52,6 +52,9 @@ def histogram_figure(
     axes.set_xlabel("illuminance E [lx]", size=7.5, labelpad=2)
     order = np.argsort(e)
     reached = 100.0 * np.cumsum(weight[order][::-1])[::-1] / weight.sum()
+    if len(order) > 500:  # more steps than pixels only make the page large
+        shown = np.unique(np.linspace(0, len(order) - 1, 500).astype(np.int64))
+        order, reached = order[shown], reached[shown]
     curve = axes.twinx()
     curve.step(
         np.concatenate([[low], e[order], [e[order][-1]]]),

@@ -97,7 +97,9 @@ def write_images(result: Result, folder: Path) -> tuple[dict[str, Path], list[Pi
     """All image files below ``images/``, and the pictures for the report."""
     written: dict[str, Path] = {}
     pictures = []
-    for name, stem in safe_names(result.images).items():
+    # images/scene_falsecolor.png is the 3-D still.
+    stems = safe_names(result.images, endings=("", "_falsecolor"), reserved=("scene_falsecolor",))
+    for name, stem in stems.items():
         image = result.images[name]
         key = f"images/{stem}"
         written[f"{key}.exr"] = exr.write_exr(

@@ -102,14 +102,14 @@ def find_lattice(uv: Array, areas: Array) -> Lattice | None:
     if axes[0] is None or axes[1] is None:
         return None
     (u, step_u, iu), (v, step_v, iv) = axes[0], axes[1]
-    # A single row has no spacing across: its cells are as wide as their area says.
+    # A single row has no spacing across: its cells are as wide as their area says, within what
+    # can be seen and still looks like a row.
     largest = float(np.max(areas))
     if step_u == step_v == 0.0:  # all points in one place
         return None
-    if step_u == 0.0:
-        step_u = largest / step_v if largest > 0.0 else step_v
-    if step_v == 0.0:
-        step_v = largest / step_u if largest > 0.0 else step_u
+    along = step_u or step_v
+    across = float(np.clip(largest / along, max(along, 0.04 * extent), max(along, 0.12 * extent)))
+    step_u, step_v = step_u or across, step_v or across
     if len(uv) < 0.15 * len(u) * len(v):
         return None
     row = np.full((len(v), len(u)), -1, dtype=np.int64)
@@ -192,7 +192,7 @@ def smooth_field(lattice: Lattice, values: Array) -> tuple[Array, Array, Array]:
     field = np.where(lattice.row >= 0, values[lattice.row], np.nan)
     field = fill_missing(field)
     nv, nu = field.shape
-    factor = int(np.clip(240 // max(nu, nv), 2, 8))
+    factor = int(np.clip(240 // max(nu, nv), 1, 8))
     xu, mu = upsampling(nu, factor)
     xv, mv = upsampling(nv, factor)
     fine = mv @ field @ mu.T

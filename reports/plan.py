@@ -50,7 +50,7 @@ def plan_figure(
         _draw_cells(axes, lattice, values, scale)
         text = "One cell a point"
     else:
-        _draw_points(axes, uv, values, scale, box)
+        _draw_points(axes, uv, values, scale)
         text = (
             "Points" if frame.flat else "Points on a curved surface, seen along their mean normal"
         )
@@ -191,36 +191,27 @@ def _clip_path(rings: list[Any]) -> Path | None:
 
 
 def _draw_cells(axes: Axes, lattice: Lattice, values: NDArray[np.float64], scale: Scale) -> None:
-    from matplotlib.patches import Rectangle
+    from matplotlib.colors import ListedColormap
 
-    colors = pale(scale.colors())
-    for (j, i), row in np.ndenumerate(lattice.row):
-        if row >= 0:
-            corner = (
-                float(lattice.u[i] - 0.5 * lattice.step_u),
-                float(lattice.v[j] - 0.5 * lattice.step_v),
-            )
-            color = colors[scale.index(values[row])]
-            axes.add_patch(
-                Rectangle(
-                    corner,
-                    lattice.step_u,
-                    lattice.step_v,
-                    facecolor=color,
-                    edgecolor="white",
-                    linewidth=0.4,
-                    zorder=1,
-                )  # fmt: skip
-            )
+    classes = scale.index(values[lattice.row])
+    few = lattice.row.size <= 200
+    u0, u1, v0, v1 = lattice.edges
+    axes.pcolormesh(
+        np.linspace(u0, u1, len(lattice.u) + 1), np.linspace(v0, v1, len(lattice.v) + 1),
+        np.ma.array(classes, mask=lattice.row < 0), vmin=-0.5, vmax=scale.classes - 0.5,
+        cmap=ListedColormap(pale(scale.colors())), edgecolors="white" if few else "none",
+        linewidth=0.4 if few else 0.0, rasterized=not few, zorder=1,
+    )  # fmt: skip
 
 
 def _draw_points(
-    axes: Axes, uv: NDArray[np.float64], values: NDArray[np.float64], scale: Scale, box: Any
+    axes: Axes, uv: NDArray[np.float64], values: NDArray[np.float64], scale: Scale
 ) -> None:
     size = float(np.clip(9000.0 / max(len(uv), 1), 6.0, 120.0))
     axes.scatter(
         uv[:, 0], uv[:, 1], s=size, c=pale(scale.colors())[scale.index(values)],
-        edgecolors=figures.INK, linewidths=0.3, zorder=2,
+        edgecolors=figures.INK, linewidths=0.3 if len(uv) <= 500 else 0.0, zorder=2,
+        rasterized=len(uv) > 2000,  # as a picture within the drawing: small page, fluent to scroll
     )  # fmt: skip
 
 
@@ -254,11 +245,12 @@ def _draw_values(
         shown = shown[shown >= 0]
         offset = 0.0
     else:
-        # Greedy: a number is written where no earlier one is too close.
+        # Greedy: a number is written where no earlier one is too close; a dense cloud hides them.
+        need, between = (need, 0.2) if len(uv) <= 300 else (2.0 * need, 0.5)
         shown_list: list[int] = []
         for i, p in enumerate(uv[:2000]):
             gap = np.abs(uv[shown_list] - p) * per_metre if shown_list else np.ones((1, 2)) * 9.0
-            if ((gap[:, 0] > need) | (gap[:, 1] > 0.2)).all():
+            if ((gap[:, 0] > need) | (gap[:, 1] > between)).all():
                 shown_list.append(i)
         shown = np.array(shown_list, dtype=np.int64)
         offset = 0.11 / per_metre
@@ -266,6 +258,10 @@ def _draw_values(
     for i in shown.tolist():
         gap = np.abs(busy - uv[i]) * per_metre
         if ((gap[:, 0] < 0.34) & (gap[:, 1] < 0.17)).any():
+            continue
+        # Between fine cells the last number would run into the wall.
+        edge = min(uv[i, 0] - box[0], box[1] - uv[i, 0]) * per_metre
+        if edge < 0.5 * need:
             continue
         axes.text(
             uv[i, 0], uv[i, 1] + offset, texts[i], size=6.3, ha="center", va="center",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from patchlight.solver.model import Result, SensorResult
 
 from . import figures, formats, inputs, summary
@@ -20,7 +21,8 @@ from .run_files import certificate_totals, library_versions, row_sum_statistics,
 from .section import patch_triangles
 from .still import Still
 
-Progress = Callable[[str, int, int], None]
+#: Failed faces listed in the report; ``run.json`` has all.
+MAX_FACES = 50
 
 
 @cache
@@ -75,6 +77,7 @@ def render_report(
     requirements = evaluate_requirements(result)
     scene = result.scene
     balance = result.balance
+    triangles = patch_triangles(scene.patches) if result.sensors else np.zeros((0, 3, 3))
     count, names = inputs.default_faces(scene)
     settings = {k: v for k, v in result.settings.items() if k != "requirements"}
     context = {
@@ -87,7 +90,7 @@ def render_report(
         "notes": list(scene.notes),
         "requirements": [_requirement(r) for r in requirements],
         "grids": [
-            _grid(name, grid, result, requirements, index)
+            _grid(name, grid, result, requirements, index, triangles)
             for index, (name, grid) in enumerate(result.sensors.items())
         ],
         "has_daylight_factor": any(
@@ -125,13 +128,14 @@ def render_report(
     return str(environment().get_template("report.html").render(context))
 
 
-def _requirement(r: RequirementResult) -> dict[str, str]:
+def _requirement(r: RequirementResult) -> dict[str, Any]:
     unit = "" if r.unit == "1" else r.unit
     return {
         "sensors": r.sensors,
         "metric": r.metric,
         "quantity": QUANTITIES.get(r.metric, (r.metric, ""))[0],
         "value": formats.with_error(r.value, r.uncertainty),
+        "has_value": r.value is not None,
         "unit": unit,
         "bounds": r.bounds.replace(">=", "≥").replace("<=", "≤"),
         "verdict": r.verdict,
@@ -141,7 +145,7 @@ def _requirement(r: RequirementResult) -> dict[str, str]:
 
 def _grid(
     name: str, grid: SensorResult, result: Result, requirements: Sequence[RequirementResult],
-    index: int,
+    index: int, triangles: NDArray[np.float64],
 ) -> dict[str, Any]:  # fmt: skip
     """One sensor grid: numbers, plan and distribution."""
     from markupsafe import Markup
@@ -166,7 +170,6 @@ def _grid(
     if not float(np.max(valid.illuminance_lx)) > 0.0:
         entry["remark"] += " Every point is dark: no light reaches this grid."
     entry["facts"] = _grid_facts(valid)
-    triangles = patch_triangles(result.scene.patches)
     mine = [r for r in requirements if r.sensors == name]
     with figures.look():
         figure, caption = plan_figure(valid, triangles, north_deg=result.scene.north_deg)
@@ -208,6 +211,8 @@ def _source(source: Any) -> dict[str, Any]:
         "unit": source.unit,
         "scale": source.scale,
         "certificate": totals,
+        "failed": totals["failed"][:MAX_FACES],
+        "failed_more": max(len(totals["failed"]) - MAX_FACES, 0),
         "approximated": [
             {
                 "part": _path(source.certificate, face.part),

@@ -43,10 +43,10 @@ def overall_verdict(result: Result, requirements: Sequence[RequirementResult]) -
     if undecided:
         names = ", ".join(f"{r.sensors} {r.metric}" for r in undecided)
         head = f"{len(undecided)} of {total} requirements not decidable"
-        return Verdict("open", head, f"Not decidable within the numerical error: {names}.{late}")
+        return Verdict("open", head, f"Not decidable: {names}; the reasons stand below.{late}")
     if not result.converged:
         return Verdict("open", "Accuracy not reached", f"{all_met}.{late}")
-    return Verdict("pass", all_met, "Each holds over its whole range of numerical error.")
+    return Verdict("pass", all_met, "This holds over the whole range of numerical error.")
 
 
 def headline_numbers(result: Result) -> str:

@@ -187,10 +187,13 @@ def test_names_are_made_safe_and_unique(
     monkeypatch.setattr(writer, "scene_still", lambda r: None)
     grid, image = result.sensors["workplane"], result.images["door"]
     names = ["../../etc/passwd", "Büro 1/West", "Büro 1 West", "..", "x" * 300, "名前", "CON"]
-    odd = build(pieces=2, sensors={n: grid for n in names}, images={names[0]: image})
+    # A camera may not take the name of the 3-D still or of another's false colours.
+    views = {n: image for n in (names[0], "scene", "a", "a_falsecolor")}
+    odd = build(pieces=2, sensors={n: grid for n in names}, images=views)
     written = write_run(odd, tmp_path / "out")
     grids = [k for k in written if k.startswith("grids/")]
-    assert len(grids) == len(names)
+    assert len(grids) == len(names) and len([k for k in written if k.startswith("images/")]) == 12
+    assert "images/scene-2.png" in written and "images/a_falsecolor-2.png" in written
     for path in written.values():
         assert path.is_file() and (tmp_path / "out") in path.resolve().parents
         assert path.name.isascii() and " " not in path.name and len(path.name) < 120
