@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .cadquery_model import from_cadquery
-    from .inspection import inspection
+    from .describe import inspection
     from .selection import cad_face, select_faces
     from .step import read_step
 
@@ -16,7 +16,7 @@ __all__ = ["cad_face", "from_cadquery", "inspection", "read_step", "select_faces
 _HOME = {
     "cad_face": "selection",
     "from_cadquery": "cadquery_model",
-    "inspection": "inspection",
+    "inspection": "describe",
     "read_step": "step",
     "select_faces": "selection",
 }

@@ -17,17 +17,18 @@ from .extract import RawFace
 from .surfaces import Offset, Plane, SplineSurface, Surface
 
 _X, _W = gauss_rule(10)
-_XI, _WI = gauss_rule(8)
+_XI, _WI = gauss_rule(10)
 MOST_EVALUATIONS = 400_000
 
 
-def _parts(curve: Curve, a: float, b: float) -> FloatArray:
+def _parts(curve: Curve, a: float, b: float, least: int) -> FloatArray:
     """Integration intervals (n + 1,) of a curve from a to b."""
     low, high = min(a, b), max(a, b)
     cuts = curve.breaks(low, high)
     pieces = 1
     if not curve.straight:
         pieces = 4 if isinstance(curve, Conic) or len(cuts) < 6 else 2
+    pieces = max(pieces, -(-least // (len(cuts) - 1)))
     fine = np.concatenate(
         [np.linspace(p, q, pieces + 1)[:-1] for p, q in zip(cuts[:-1], cuts[1:], strict=True)]
         + [[high]]
@@ -35,9 +36,9 @@ def _parts(curve: Curve, a: float, b: float) -> FloatArray:
     return fine if b >= a else fine[::-1]
 
 
-def _nodes(curve: Curve, a: float, b: float) -> tuple[FloatArray, FloatArray]:
+def _nodes(curve: Curve, a: float, b: float, least: int = 1) -> tuple[FloatArray, FloatArray]:
     """Points and derivatives times weights at the Gauss nodes of a curve."""
-    cuts = _parts(curve, a, b)
+    cuts = _parts(curve, a, b, least)
     step = np.diff(cuts)
     t = (cuts[:-1, None] + step[:, None] * _X).ravel()
     w = (step[:, None] * _W).ravel()
@@ -60,12 +61,12 @@ def planar_area(face: RawFace, surface: Plane) -> float:
     return abs(total)
 
 
-def _arc_nodes(arc: Arc) -> tuple[FloatArray, FloatArray]:
+def _arc_nodes(arc: Arc, least: int) -> tuple[FloatArray, FloatArray]:
     if isinstance(arc, EdgeArc):
-        p, d = _nodes(arc.curve, arc.a, arc.b)
+        p, d = _nodes(arc.curve, arc.a, arc.b, least)
         return p + arc.shift, d
     assert isinstance(arc, Chord)
-    n = 4
+    n = max(4, least)
     t = ((np.arange(n)[:, None] + _X) / n).ravel()
     w = np.tile(_W / n, n)
     return arc.p + t[:, None] * (arc.q - arc.p), w[:, None] * (arc.q - arc.p)
@@ -79,16 +80,17 @@ def _jacobian(surface: Surface, u: FloatArray, v: FloatArray) -> FloatArray:
 def curved_area(surface: Surface, domain: Domain) -> float:
     """Area of a face on a curved surface; NaN when it would take too long. [file units²]"""
     points, steps = [], []
+    variable = surface.jacobian_variable()
+    least = 8 if variable == "uv" else 1  # knots of the surface cut the boundary too
     for region in domain.regions:
         for loop in region:
             for arc in loop:
-                p, d = _arc_nodes(arc)
+                p, d = _arc_nodes(arc, least)
                 points.append(p)
                 steps.append(d)
     uv, d = np.concatenate(points), np.concatenate(steps)
     low, high = uv.min(axis=0), uv.max(axis=0)
     middle = 0.5 * (low + high)
-    variable = surface.jacobian_variable()
     if variable in ("", "v"):
         j = _jacobian(surface, np.full(len(uv), middle[0]), uv[:, 1])
         return abs(float((j * (uv[:, 0] - middle[0])) @ d[:, 1]))

@@ -77,7 +77,8 @@ def _corner_sines(
     dot = (out_of * into).sum(axis=-1)
     length = np.linalg.norm(out_of, axis=-1) * np.linalg.norm(into, axis=-1)
     sine = cross / np.maximum(length, 1e-300)
-    sine = np.where(dot < 0.0, np.maximum(sine, SMOOTH_JOINT), sine)
+    joint = (dot < 0.0) & (sine > -1e-3)
+    sine = np.where(joint, np.maximum(sine, SMOOTH_JOINT), sine)
     collapsed = length <= 1e-12 * length.max(axis=1, keepdims=True)
     return np.asarray(np.where(collapsed, 1.0, sine).min(axis=1))
 

@@ -11,10 +11,12 @@ from patchlight.solver.model import bezier
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .area import curved_area, planar_area
+from .cells import Cell
 from .curves import Projected
 from .domain import Domain, curved_domain, planar_domain
 from .extract import RawFace
 from .lift import Lifted, lifted, planar_net
+from .moments import vector_areas
 from .quadrangulate import cells_of
 from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle
 from .surfaces import Plane, SplineSurface, Surface
@@ -113,6 +115,15 @@ def _planar(raw: RawFace, surface: Plane, tolerance: float) -> FacePatches:
     return best
 
 
+def _folded(cells: list[Cell]) -> list[Cell]:
+    """Planar cells whose area is larger than their vector area: somewhere they turn over."""
+    nets = np.array([planar_net(c) for c in cells])
+    areas = bezier.areas(nets)
+    vectors = vector_areas(nets)
+    excess = areas - np.linalg.norm(vectors, axis=1)
+    return [c for c, e in zip(cells, excess, strict=True) if e > 1e-8 * areas.sum()]
+
+
 def _cells(domain: Domain, attempt: int, *, planar: bool) -> list:
     """Cells of all regions; later attempts start from arcs cut in two."""
     cells = []
@@ -123,7 +134,8 @@ def _cells(domain: Domain, attempt: int, *, planar: bool) -> list:
                 [part for a in loop for part in (a.halves() if not a.straight else (a,))]
                 for loop in loops
             ]
-        cells.extend(cells_of(loops, domain.chord, planar=planar))
+        folded = _folded if planar else None
+        cells.extend(cells_of(loops, domain.chord, planar=planar, folded=folded))
     return cells
 
 
@@ -173,13 +185,17 @@ def _edge_gap(raw: RawFace) -> float:
 def _curved(
     raw: RawFace, surface: Surface, tolerance: float, angle_deg: float, size: float
 ) -> FacePatches:
-    follow_edges(raw, surface, 0.02 * tolerance)
     domain = curved_domain(raw, surface)
-    wanted = curved_area(surface, domain)
     gap = _edge_gap(raw)
+    box = rectangle(domain, min(1e-6 * domain.size, 0.1 * tolerance))
+    if gap > 0.02 * tolerance and (box is None or gap > tolerance):
+        follow_edges(raw, surface, 0.02 * tolerance)
+        domain = curved_domain(raw, surface)
+        gap = _edge_gap(raw)
+        box = rectangle(domain, min(1e-6 * domain.size, 0.1 * tolerance))
+    wanted = curved_area(surface, domain)
     if wanted <= 1e-13 * domain.size**2:
         raise GeometryError("the boundary encloses no area")
-    box = rectangle(domain, min(1e-6 * domain.size, 0.1 * tolerance))
     if box is None:
         # Nearly a rectangle: taken as one when its area says that nothing is lost.
         box = rectangle(domain, min(1e-4 * domain.size, 0.1 * tolerance))
@@ -200,12 +216,22 @@ def _curved(
             other = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size)
             return other if 2 * len(other.nets) < len(nets) and not other.reason else out
     out = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size)
-    if box is not None and "tolerance" in out.reason:
+    if box is not None and "tolerance" in out.reason and not _singular(surface, box):
         # Knots of low continuity may spoil a cell that crosses them: cut there and compare.
         cut = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size, at_knots=True)
         if not cut.reason.startswith(("area", "the tol")) or len(cut.nets) < len(out.nets):
             return cut
     return out
+
+
+def _singular(surface: Surface, box: Rectangle) -> bool:
+    """Whether the surface has no normal somewhere on its border: then no cut helps."""
+    u0, u1, v0, v1 = box.box
+    f = np.linspace(0.0, 1.0, 9)
+    u, v = np.meshgrid(u0 + (u1 - u0) * f, v0 + (v1 - v0) * f, indexing="ij")
+    _, a, b = surface.evaluate(u, v)
+    j = np.linalg.norm(np.cross(a, b), axis=-1)
+    return bool(j.min() < 1e-5 * j.max())
 
 
 def _box_area(surface: Surface, box: Rectangle) -> float:

@@ -40,8 +40,16 @@ def corner_turns(loop: Loop) -> FloatArray:
     return np.array(out)
 
 
-def cells_of(loops: list[Loop], chord: ChordMaker, *, planar: bool) -> list[Cell]:
+def cells_of(
+    loops: list[Loop],
+    chord: ChordMaker,
+    *,
+    planar: bool,
+    folded: Callable[[list[Cell]], list[Cell]] | None = None,
+) -> list[Cell]:
     """Cells of one region (outer loop counter-clockwise, then holes).
+
+    ``folded`` picks the cells whose patches would overlap themselves, which samples may miss.
 
     Raises
     ------
@@ -50,9 +58,9 @@ def cells_of(loops: list[Loop], chord: ChordMaker, *, planar: bool) -> list[Cell
     """
     if len(loops) == 1:
         simple = _simple(loops[0], chord)
-        if simple is not None:
+        if simple is not None and not (folded and folded(simple)):
             return simple
-    return _general(loops, chord, planar)
+    return _general(loops, chord, planar, folded)
 
 
 def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
@@ -195,7 +203,12 @@ def _center(arc: Arc) -> FloatArray | None:
     return center if np.abs(distance - radius).max() < 0.02 * radius else None
 
 
-def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
+def _general(
+    loops: list[Loop],
+    chord: ChordMaker,
+    planar: bool,
+    folded: Callable[[list[Cell]], list[Cell]] | None,
+) -> list[Cell]:
     reason = ""
     fallback: list[Cell] | None = None
     fewest = 0
@@ -222,6 +235,9 @@ def _general(loops: list[Loop], chord: ChordMaker, planar: bool) -> list[Cell]:
             # Thin cells are worth two rounds of halving, folded ones more.
             limit = THIN if round_ < 2 else FOLDED
             cells, worst, reason = _paired(cut, chord, limit)
+            if cells is not None and not worst and folded is not None:
+                for cell in folded(cells):
+                    worst |= {id(a) for a in cell.sides if a is not None and not a.straight}
             if cells is not None and not worst:
                 return extra + cells
             if cells is not None and (fallback is None or len(worst) < fewest):

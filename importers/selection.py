@@ -10,7 +10,7 @@ from patchlight.solver.errors import InputError
 from patchlight.solver.model import Model
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .inspection import _hex
+from .describe import hex_color
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -128,7 +128,7 @@ def select_faces(model: Model, part: str | int, selector: str | None) -> list[in
     if text in ("up", "down", "vertical"):
         return _by_direction(model, rows, text)
     if re.fullmatch(r"#[0-9a-fA-F]{6}", text):
-        return [i for i in rows if _color_of(model, i) == text.lower()]
+        return [i for i in rows if _same_color(_color_of(model, i), text)]
     if re.fullmatch(r"#\d+", text):
         number = int(text[1:])
         if not 1 <= number <= len(rows):
@@ -142,7 +142,15 @@ def select_faces(model: Model, part: str | int, selector: str | None) -> list[in
 
 def _color_of(model: Model, i: int) -> str | None:
     face = model.faces[i]
-    return _hex(face.color or model.parts[face.part].color)
+    return hex_color(face.color or model.parts[face.part].color)
+
+
+def _same_color(found: str | None, wanted: str) -> bool:
+    """Whether two ``#rrggbb`` agree to one step a channel: files store rounded floats."""
+    if found is None:
+        return False
+    pairs = ((int(found[k : k + 2], 16), int(wanted[k : k + 2], 16)) for k in (1, 3, 5))
+    return all(abs(a - b) <= 1 for a, b in pairs)
 
 
 def _by_direction(model: Model, rows: list[int], word: str) -> list[int]:

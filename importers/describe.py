@@ -13,7 +13,7 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _hex(color: tuple[float, float, float] | None) -> str | None:
+def hex_color(color: tuple[float, float, float] | None) -> str | None:
     """``#rrggbb`` (sRGB) of a linear colour. [IEC 61966-2-1]"""
     if color is None:
         return None
@@ -43,7 +43,7 @@ def inspection(model: Model) -> dict[str, Any]:
             "path": p.path,
             "name": p.name,
             "kind": p.kind,
-            "color": _hex(p.color),
+            "color": hex_color(p.color),
             "layer": p.layer,
             "material": p.material,
             "placement": p.placement.tolist(),
@@ -69,7 +69,7 @@ def inspection(model: Model) -> dict[str, Any]:
             "gap_m": _number(f.gap_m),
             "reason": f.reason,
             "name": f.name,
-            "color": _hex(f.color),
+            "color": hex_color(f.color),
         }
         for f in model.faces
     ]
