@@ -210,7 +210,7 @@ def _add_lamp(scene: Scene, interior: Interior, data: SceneData) -> str:
         raise GeometryError("no room for a lamp under the highest point of the closed interior")
     scene.add(PatchSet.disk(center, radius, (0.0, 0.0, -1.0)), LAMP_NAME)
     scene.assign(LAMP_NAME, Emitter(flux_lm=LAMP_LM, group=LAMP_NAME))
-    at = ", ".join(f"{x:.3g}" for x in center)
+    at = ", ".join(f"{round(float(x), 4) + 0.0:g}" for x in center)
     return (
         f"THE INTERIOR IS CLOSED, no daylight enters: a disc of {LAMP_LM:g} lm and radius "
         f"{radius:.3g} m was added at ({at}) m, under its highest point, shining down"

@@ -13,7 +13,7 @@ from patchlight.solver.model.bezier import tangents
 from .assigning import find_faces, row_offsets
 from .floors import PlanView
 from .outlines import FLAT, flat_normals, joined, plane_polygons
-from .plane_grids import MOST_POINTS, cell_count, plane_cells, rings
+from .plane_grids import MOST_POINTS, cell_count, outside_solids, plane_cells, rings
 
 if TYPE_CHECKING:
     from .grids import FaceRule
@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 LIFT = 1e-6
 
 
-def sensors_on_faces(name: str, rule: FaceRule, scene: Scene, view: PlanView) -> Sensors:
-    """Sensors of ``rule`` in scene axes."""
+def sensors_on_faces(
+    name: str, rule: FaceRule, scene: Scene, view: PlanView
+) -> tuple[Sensors, list[str]]:
+    """Sensors of ``rule`` in scene axes, and what to say about them."""
     what = f"sensors {name!r}"
     found = find_faces(scene.entries, rule.pattern, label=what, faces=rule.faces)
     _, face_start = row_offsets(scene.entries)
@@ -48,13 +50,16 @@ def sensors_on_faces(name: str, rule: FaceRule, scene: Scene, view: PlanView) ->
         raise InputError(f"{what}: {rule.pattern!r} has no face with patches")
     if sum(len(p) for p in points) > MOST_POINTS:
         raise InputError(f"{what}: spacing {rule.spacing:g} m makes more than {MOST_POINTS} points")
-    return Sensors(
+    xyz = np.concatenate(points)
+    free, notes = outside_solids(what, xyz, view)
+    sensors = Sensors(
         name,
-        np.concatenate(points),
-        np.concatenate(normals),
-        np.concatenate(areas),
+        xyz[free],
+        np.concatenate(normals)[free],
+        np.concatenate(areas)[free],
         outline=tuple(loops),
     )
+    return sensors, notes
 
 
 def _one_plane(patches: PatchSet, normals: FloatArray, size: float) -> bool:

@@ -184,9 +184,9 @@ def resolved_sensors(scene: Scene, data: SceneData) -> tuple[tuple[Sensors, ...]
             view = view or PlanView.of(data, scene.north.T)
             if isinstance(rule, PlaneRule):
                 sensors, more = sensors_on_plane(name, rule, scene, view)
-                notes += more
             else:
-                sensors = sensors_on_faces(name, rule, scene, view)
+                sensors, more = sensors_on_faces(name, rule, scene, view)
+            notes += more
         found.append(_in_world(scene, name, sensors))
     return tuple(found), tuple(notes)
 

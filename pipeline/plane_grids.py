@@ -35,26 +35,31 @@ def sensors_on_plane(
         )
     points, areas = plane_cells(what, plan, rule.spacing)
     xyz = np.column_stack([points, np.full(len(points), rule.z)])
-    from patchlight.solver.containment import inside_solids
-
-    inside = np.asarray(inside_solids(view.data, xyz), dtype=bool)
-    if inside.all():
-        raise InputError(
-            f"{what}: all {len(xyz)} points at z = {rule.z:g} m lie inside solids; a room that is "
-            "modelled as its own volume needs Air (air = true)"
-        )
-    notes = []
-    if inside.any():
-        notes.append(f"{what}: {int(inside.sum())} of {len(xyz)} points lie inside solids: dropped")
+    free, notes = outside_solids(what, xyz, view)
     loops = [np.column_stack([ring, np.full(len(ring), rule.z)]) for ring in rings(plan)]
     sensors = Sensors(
         name,
-        xyz[~inside],
-        np.broadcast_to(rule.normal, (int((~inside).sum()), 3)),
-        areas[~inside],
+        xyz[free],
+        np.broadcast_to(rule.normal, (int(free.sum()), 3)),
+        areas[free],
         outline=tuple(loops),
     )
     return sensors, notes
+
+
+def outside_solids(what: str, points: FloatArray, view: PlanView) -> tuple[np.ndarray, list[str]]:
+    """Which points (n, 3) [m] are not inside a solid, and what to say about the others."""
+    from patchlight.solver.containment import inside_solids
+
+    inside = np.asarray(inside_solids(view.data, points), dtype=bool)
+    if inside.all():
+        raise InputError(
+            f"{what}: all {len(points)} points lie inside solids; a room that is modelled as its "
+            "own volume needs Air (air = true)"
+        )
+    count = int(inside.sum())
+    dropped = [f"{what}: {count} of {len(points)} points lie inside solids: dropped"]
+    return ~inside, dropped if count else []
 
 
 def _area(what: str, rule: PlaneRule, scene: Scene, view: PlanView) -> Any:

@@ -28,7 +28,7 @@ SCENE = """\
 # A side-lit office under an overcast sky with both pendants on.
 schema_version = 1
 title = "Demo office"
-accuracy = 0.02
+accuracy = 0.05
 
 [[model]]
 file = "office.step"

@@ -185,3 +185,12 @@ def test_sensors_on_curved_faces_carry_their_area():
     g = scene.freeze().sensors[0]
     assert g.area_m2.sum() == pytest.approx(4 * math.pi, rel=1e-8)
     assert np.einsum("ij,ij->i", g.points, g.normals) == pytest.approx(np.ones(len(g)), abs=1e-5)
+
+
+def test_sensors_under_furniture_are_dropped(house):
+    scene = Scene(house)
+    scene.add(SensorGrid.on_faces("f", "room", spacing=0.25, faces="up"))
+    data = scene.freeze()
+    # The desk, 1.4 x 0.7 m about (2, 1.5), covers cell centres at x, y = 0.125 + k/4.
+    assert len(data.sensors[0]) == 16 * 12 - 6 * 2
+    assert any("dropped" in note for note in data.notes)
