@@ -18,6 +18,7 @@ from . import moments
 from .convert import AREA_LIMIT, FacePatches, convert_face
 from .extract import Extractor, faces_of
 from .occurrences import Body, Looks
+from .orientation import Senses, flips
 
 
 @dataclass(slots=True)
@@ -25,6 +26,7 @@ class Converted:
     """A distinct shape as patches in file units."""
 
     faces: list[FacePatches]
+    senses: list[Senses]
     shapes: list[Any]
     edge_count: int
     size: float
@@ -71,18 +73,32 @@ def _bad(face: FacePatches) -> bool:
 def _convert(shape: Any, kind: str, tolerance: float, angle_deg: float) -> Converted:
     size = diagonal(shape)
     extractor = Extractor(shape)
-    faces, shapes = [], faces_of(shape)
+    faces, senses, shapes = [], [], faces_of(shape)
     with np.errstate(all="ignore"):
         for item in shapes:
             raw = extractor.face(item)
+            senses.append(
+                [(u.edge.index, u.reversed ^ raw.reversed) for uses in raw.loops for u in uses]
+            )
             faces.append(convert_face(raw, tolerance * size, angle_deg, size))
-    return Converted(faces, shapes, extractor.count, size, kind)
+    return Converted(faces, senses, shapes, extractor.count, size, kind)
 
 
 def _orient(out: Converted) -> None:
     nets = [f.nets for f in out.faces if len(f.nets)]
     if not nets:
         return
+    turned, orientable = flips(out.senses)
+    if not orientable:
+        out.kind = "sheet"
+        out.notes.append("the shell cannot be oriented: taken as a sheet, active on both sides")
+        return
+    if any(turned):
+        for f, turn in zip(out.faces, turned, strict=True):
+            if turn:
+                _turn(f)
+        out.notes.append(f"the shell was inconsistent: {sum(turned)} faces turned over")
+        nets = [f.nets for f in out.faces if len(f.nets)]
     every = np.concatenate(nets)
     volume, vector, area = moments.volume_and_vector(every)
     complete = len(nets) == len(out.faces)
@@ -90,9 +106,14 @@ def _orient(out: Converted) -> None:
         out.notes.append("the solid is not closed: its faces do not enclose a volume")
     if volume < 0.0:
         for f in out.faces:
-            f.nets = np.ascontiguousarray(f.nets[:, ::-1])
-            f.edges = f.edges[:, [0, 3, 2, 1]]
+            _turn(f)
         out.notes.append("the solid was inside out and has been reversed")
+
+
+def _turn(face: FacePatches) -> None:
+    """Reverse the +normal of a face."""
+    face.nets = np.ascontiguousarray(face.nets[:, ::-1])
+    face.edges = face.edges[:, [0, 3, 2, 1]]
 
 
 def assemble(

@@ -6,7 +6,6 @@ import hashlib
 import io
 import time
 import weakref
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,14 +44,13 @@ def from_cadquery(
     elif isinstance(obj, cq.Workplane | cq.Shape):
         label = name or "model"
         shapes = obj.vals() if isinstance(obj, cq.Workplane) else [obj]
-        shapes = [s for s in shapes if isinstance(s, cq.Shape)]
-        shapes = [s for s in shapes if s.Faces()]
-        names = [segment(label)] * len(shapes)
+        solid = [s for s in shapes if isinstance(s, cq.Shape) and s.Faces()]
+        names = [segment(label)] * len(solid)
         if len(names) > 1:
             names = [f"{n}#{k}" for k, n in enumerate(names, 1)]
         found = [
             Occurrence((n,), s.wrapped, np.eye(4), Looks())
-            for n, s in zip(names, shapes, strict=True)
+            for n, s in zip(names, solid, strict=True)
         ]
     else:
         raise InputError(
@@ -109,16 +107,13 @@ def _walk(
     thing = node.obj
     if thing is not None:
         shapes = thing.vals() if isinstance(thing, cq.Workplane) else [thing]
-        shapes = [s for s in shapes if isinstance(s, cq.Shape) and s.Faces()]
+        solid = [s for s in shapes if isinstance(s, cq.Shape) and s.Faces()]
         here = path or (segment(root),)
         if node.children:
             here = (*here, f"{here[-1]}_part")
-        for k, s in enumerate(shapes, 1):
-            p = here if len(shapes) == 1 else (*here[:-1], f"{here[-1]}#{k}")
+        for k, s in enumerate(solid, 1):
+            p = here if len(solid) == 1 else (*here[:-1], f"{here[-1]}#{k}")
             found.append(Occurrence(p, s.wrapped, placement, looks))
     names = numbered([segment(c.name) for c in node.children])
     for child, name in zip(node.children, names, strict=True):
         _walk(child, (*path, name), placement, looks, found, root)
-
-
-__all__ = ["SHAPES", "Path", "from_cadquery", "remember"]

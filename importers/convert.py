@@ -270,12 +270,12 @@ def _adaptive(
         result: Lifted = lifted(surface, cells, tolerance, angle_deg, snap)
         nets, edges, areas = _drop_empty(result.nets, result.edges)
         area = float(areas.sum())
-        error = _relative(area, wanted)
+        off = _relative(area, wanted)
         exact = result.deviation <= ROUNDING * size and result.angle_deg < 1e-4
-        exact = exact and result.gap <= 1e-7 * size and not error > 1e-6
+        exact = exact and result.gap <= 1e-7 * size and not off > 1e-6
         out = FacePatches(
             surface.kind, nets, edges, exact, result.deviation, result.angle_deg,
-            max(gap, result.gap), area, error,
+            max(gap, result.gap), area, off,
         )  # fmt: skip
         if not exact:
             out.reason = "trimmed curved surface" if box is None else "surface of higher degree"
@@ -283,7 +283,7 @@ def _adaptive(
                 out.reason = "the tolerance was not reached"
         if best is None or not best.area_error < out.area_error:
             best = out
-        if math.isnan(error) or error <= AREA_LIMIT:
+        if math.isnan(off) or off <= AREA_LIMIT:
             break
         tolerance *= 0.2
     if best is None:

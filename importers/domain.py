@@ -356,7 +356,8 @@ def _joined_wraps(
     chord: Callable[[FloatArray, FloatArray], Arc],
 ) -> list[Loop]:
     """Two loops that each run once around the surface, joined by a seam into one."""
-    wrapping, closed = [], []
+    wrapping: list[Loop] = []
+    closed: list[Loop] = []
     for loop in loops:
         step = (loop[-1].end - loop[0].start) / scale
         around = [

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from patchlight.solver.errors import GeometryError
-from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.arrays import FloatArray, IntArray
 from patchlight.solver.model.bezier import bernstein, bernstein_derivative, split_matrix
 
 from . import nurbs
@@ -39,7 +39,7 @@ class Lifted:
     """Patches (n, 4, 4, 4) of a face with what was measured on them."""
 
     nets: FloatArray
-    edges: FloatArray
+    edges: IntArray
     deviation: float
     angle_deg: float
     gap: float
@@ -128,8 +128,8 @@ def lifted(
             # A kink or cusp of the surface keeps its angle at any size: where the position is far
             # inside the tolerance, halving on is of no use.
             last = depth == DEEPEST or len(boxes) > 1000
-            hopeless = ~kept & ((e[:, 0] <= 0.1 * tolerance) & (depth >= 4))
-            done = kept | last | hopeless
+            hopeless = np.logical_and(e[:, 0] <= 0.1 * tolerance, depth >= 4)
+            done = np.logical_or(kept, hopeless) | last
             converged &= bool(kept[done].all())
             nets.append(n[done])
             if done.any():

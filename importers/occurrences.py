@@ -132,6 +132,6 @@ def bodies(occurrences: list[Occurrence]) -> list[Body]:
                     path = (*path[:-1], f"{path[-1]}#{k + 1}")
             out.append(Body("/".join(path), kind, bare, at, looks[k], o.inner))
     final = numbered([b.path for b in out])
-    for body, path in zip(out, final, strict=True):
-        body.path = path
+    for body, unique in zip(out, final, strict=True):
+        body.path = unique
     return out

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from . import nurbs
 from .arcs import Arc, Chord, arc_weights
@@ -180,7 +180,7 @@ def grid_cells(
     return cells
 
 
-def exact_spline(s: SplineSurface, r: Rectangle) -> tuple[FloatArray, FloatArray] | None:
+def exact_spline(s: SplineSurface, r: Rectangle) -> tuple[FloatArray, IntArray] | None:
     """Exact nets and edges of a B-spline rectangle of degree <= 3, else None."""
     if max(s.degrees) > 3:
         return None

@@ -77,7 +77,7 @@ def triangulate(loops: list[FloatArray]) -> list[tuple[int, int, int]] | None:
         return None
     turned = areas(points + 1e-7 * size * nudge, index) < 0
     index[turned] = index[turned][:, ::-1]
-    out = flipped(points, [tuple(t) for t in index.tolist()], loops)
+    out = flipped(points, [(a, b, c) for a, b, c in index.tolist()], loops)
     area = areas(points, np.array(out))
     total = sum(signed_area(p) for p in loops)
     if area.min() <= -1e-12 * total or abs(area.sum() - total) > 1e-9 * abs(total):

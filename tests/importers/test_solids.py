@@ -121,6 +121,21 @@ def test_inside_out_solid_is_reversed_and_noted():
     assert any("inside out" in note for note in model.certificate.notes)
 
 
+def test_inconsistent_shell_is_reoriented_and_noted():
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
+
+    builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
+    builder.MakeShell(shell)
+    builder.MakeSolid(solid)
+    for k, face in enumerate(cq.Workplane().box(1, 1, 1).faces().vals()):
+        builder.Add(shell, face.wrapped.Reversed() if k in (1, 4) else face.wrapped)
+    builder.Add(solid, shell)
+    model, _, volume, open_ = measured(cq.Shape.cast(solid))
+    assert volume == pytest.approx(1.0, rel=1e-12) and open_ < 1e-12
+    assert any("2 faces turned" in note for note in model.certificate.notes)
+
+
 def test_sheets_and_loose_faces():
     face = cq.Face.makePlane(2, 3)
     model = from_cadquery(face)

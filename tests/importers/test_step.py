@@ -35,6 +35,11 @@ def room_file(room, tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def from_file(room_file):
+    return read_step(room_file)
+
+
 PATHS = ["wall", "side", "lamps/bulb a", "lamps/bulb%2Fb"]
 
 
@@ -51,8 +56,8 @@ def test_assembly_paths_colours_and_placements(room):
     assert model.parts[3].instance_of == 2
 
 
-def test_round_trip_through_step(room, room_file):
-    direct, read = from_cadquery(room), read_step(room_file)
+def test_round_trip_through_step(room, room_file, from_file):
+    direct, read = from_cadquery(room), from_file
     assert read.name == "room" and read.unit.startswith("milli")
     assert sorted(p.path for p in read.parts) == sorted(PATHS)
     for part in read.parts:
@@ -66,12 +71,11 @@ def test_round_trip_through_step(room, room_file):
     assert len(read.sha256) == 64 and read.source == str(room_file)
 
 
-def test_unit_and_scale(room_file):
-    base = read_step(room_file).patches.areas().sum()
-    inch = read_step(room_file, unit="in").patches.areas().sum()
-    assert inch / base == pytest.approx(25.4**2, rel=1e-12)
-    ten = read_step(room_file, scale=10.0).patches.areas().sum()
-    assert ten / base == pytest.approx(100.0, rel=1e-12)
+def test_unit_and_scale(room_file, from_file):
+    base = from_file.patches.areas().sum()
+    inch = read_step(room_file, unit="in", scale=10.0)
+    assert inch.patches.areas().sum() / base == pytest.approx(254.0**2, rel=1e-12)
+    assert inch.unit == "in"
 
 
 def test_size_warning(tmp_path):
@@ -80,8 +84,8 @@ def test_size_warning(tmp_path):
     assert any("length unit" in w for w in read_step(path).warnings)
 
 
-def test_inspection_is_json(room_file):
-    model = read_step(room_file)
+def test_inspection_is_json(from_file):
+    model = from_file
     text = json.loads(json.dumps(inspection(model)))
     certificate = text["certificate"]
     assert certificate["faces_total"] == certificate["faces_exact"] == 14
@@ -96,8 +100,8 @@ def test_inspection_is_json(room_file):
 
 
 @pytest.mark.parametrize("source", ["memory", "file"])
-def test_face_selection(room, room_file, source):
-    model = from_cadquery(room) if source == "memory" else read_step(room_file)
+def test_face_selection(room, from_file, source):
+    model = from_cadquery(room) if source == "memory" else from_file
     side = [p.path for p in model.parts].index("side")
 
     def normals(selector):
@@ -130,8 +134,8 @@ def test_bad_selectors(room):
         select_faces(model, "ceiling", "up")
 
 
-def test_cad_face(room, room_file):
-    for model in (from_cadquery(room), read_step(room_file)):
+def test_cad_face(room, from_file):
+    for model in (from_cadquery(room), from_file):
         face = cq.Face(cad_face(model, "wall", 1))
         row = next(f for f in model.faces if f.part == 0 and f.number == 1)
         assert face.Area() == pytest.approx(row.area_m2 * 1e6, rel=1e-9)
