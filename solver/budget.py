@@ -67,7 +67,7 @@ class Budget:
         low, high = patches.bounds()
         extent = np.sort(high - low)
         middle = float(extent[1]) if extent[1] > 0.0 else float(extent[2])
-        size = 0.19 * middle * math.sqrt(accuracy / 0.01)
+        size = 0.13 * middle * math.sqrt(accuracy / 0.01)
         size = min(max(size, middle / 24.0), 0.6 * middle)
         sides = 1 + np.asarray(scene.two_sided, dtype=np.int64)
         for _ in range(60):
@@ -88,10 +88,10 @@ class Budget:
             elements=total,
             receivers=total * nodes * nodes + sensors,
             nodes=nodes,
-            eps=min(max(1e-3 * accuracy, 1e-8), 1e-4),
-            cell_eps=0.1 * accuracy,
+            eps=min(max(1e-2 * accuracy, 1e-8), 1e-3),
+            cell_eps=0.2 * accuracy,
             lamp_cell_eps=2e-3 * accuracy,
-            dome_cell_eps=5e-2 * accuracy,
+            dome_cell_eps=0.1 * accuracy,
             sensor_dome_cell_eps=5e-3 * accuracy,
             sun_cell_eps=5e-2 * accuracy,
         )

@@ -55,10 +55,13 @@ def make_elements(
     counts: IntArray,
     *,
     nodes: int = 2,
+    small: float = 0.0,
 ) -> Elements:
     """Cut every patch into ``counts[p]`` elements with ``nodes`` x ``nodes`` inset Gauss nodes.
 
-    Two-sided patches get elements on both sides. The result is sorted by patch and side.
+    Two-sided patches get elements on both sides. Elements of an area below ``small`` [m²] have
+    one node in their middle; the weights of their other nodes are 0. The result is sorted by patch
+    and side.
 
     Raises
     ------
@@ -99,6 +102,11 @@ def make_elements(
     if not (area > 0.0).all():
         raise GeometryError(f"patch {index[int(np.argmin(area))]}: its area is zero")
     weights *= (area / weights.sum(axis=1))[:, None]
+    for k in np.flatnonzero(area < small) if nodes > 1 else ():
+        at, su, sv = tangents(all_nets[k], 0.5, 0.5)
+        n = np.cross(su, sv)
+        points[k], normals[k] = at, n / np.linalg.norm(n)
+        weights[k], weights[k, 0] = 0.0, area[k]
     return Elements(
         nets=all_nets,
         patch_index=np.array(index),

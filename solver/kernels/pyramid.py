@@ -375,10 +375,10 @@ def _depth_of(s, cone, planes, depths, front_facing, tolerance):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _blocked(blockers, listed, count, x, dx, dy, dz, t_max, work):
-    """Whether any listed blocker meets the segment x + t d, 0 < t < t_max."""
+def _blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
+    """Whether any blocker listed from ``first`` to ``count`` meets the segment x + t d, 0 < t < t_max."""
     length2 = dx * dx + dy * dy + dz * dz
-    for m in range(count):
+    for m in range(first, count):
         b = listed[m]
         cx = blockers.spheres[b, 0] - x[0]
         cy = blockers.spheres[b, 1] - x[1]
@@ -393,10 +393,33 @@ def _blocked(blockers, listed, count, x, dx, dy, dz, t_max, work):
             facing, work,
         )  # fmt: skip
         if status != MISS:
-            if m > 0:  # the last occluder is asked first next time
-                listed[m], listed[0] = listed[0], b
             return True
     return False
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
+    """Whether a listed blocker hides the point (u, v) of the cell from the receiver."""
+    surface(s, u, v, h, hu, hv)
+    ru, rv = 1.0 - u, 1.0 - v
+    bu = (ru * ru * ru, 3.0 * u * ru * ru, 3.0 * u * u * ru, u * u * u)
+    bv = (rv * rv * rv, 3.0 * v * rv * rv, 3.0 * v * v * rv, v * v * v)
+    w = 0.0
+    for a in range(4):
+        for c in range(4):
+            w += bu[a] * bv[c] * s[a, c, 3]
+    t_max = 1.0 - 1e-7
+    if w == 0.0:
+        w, t_max = 1.0, 1e300
+    return _blocked(
+        blockers, listed, first, count, x, h[0] / w, h[1] / w, h[2] / w, t_max, work
+    )
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _centre_blocked(s, x, blockers, listed, first, count, work, h, hu, hv):
+    """Whether a listed blocker hides the middle of the cell."""
+    return _point_blocked(s, 0.5, 0.5, x, blockers, listed, first, count, work, h, hu, hv)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -406,21 +429,7 @@ def _visible_share(s, x, blockers, listed, count, samples, work, h, hu, hv):
     for i in range(samples):
         for j in range(samples):
             u, v = (i + 0.5) / samples, (j + 0.5) / samples
-            surface(s, u, v, h, hu, hv)
-            ru, rv = 1.0 - u, 1.0 - v
-            bu = (ru * ru * ru, 3.0 * u * ru * ru, 3.0 * u * u * ru, u * u * u)
-            bv = (rv * rv * rv, 3.0 * v * rv * rv, 3.0 * v * v * rv, v * v * v)
-            w = 0.0
-            for a in range(4):
-                for c in range(4):
-                    w += bu[a] * bv[c] * s[a, c, 3]
-            if w > 0.0:
-                blocked = _blocked(
-                    blockers, listed, count, x, h[0] / w, h[1] / w, h[2] / w, 1.0 - 1e-7, work
-                )
-            else:
-                blocked = _blocked(blockers, listed, count, x, h[0], h[1], h[2], 1e300, work)
-            if not blocked:
+            if not _point_blocked(s, u, v, x, blockers, listed, 0, count, work, h, hu, hv):
                 seen += 1
     return seen / (samples * samples)
 
@@ -530,14 +539,26 @@ def visible_factor(
             parent_count = lists[level - 1, lists.shape[1] - 1]
         mine = lists[level]
         count = 0
-        clean = ok
         if ok and not at_infinity:
             _cell_depths(cell, cone, depths)
             tolerance = 1e-9 * planes[5, 1]
         else:
             tolerance = 0.0
-        for m in range(parent_count):
-            b = parent[m]
+        dark = False
+        run_start, run_clean, run_solid = 0, True, -1
+        for m in range(parent_count + 1):
+            b = parent[m] if m < parent_count else -1
+            if ok and (b < 0 or blockers.solid[b] != run_solid):
+                # A solid without shadow edge in the pyramid covers the cell or leaves it free.
+                if run_clean and count > run_start:
+                    if _centre_blocked(cell, x, blockers, mine, run_start, count, work, h, hu, hv):
+                        dark = True
+                        break
+                    count = run_start
+                if b >= 0:
+                    run_start, run_clean, run_solid = count, True, blockers.solid[b]
+            if b < 0:
+                break
             if ok:
                 if outside_pyramid(planes, shifted[b]):
                     continue
@@ -548,29 +569,25 @@ def visible_factor(
                     if order > 0:
                         continue
                     if order == 0 and blockers.solid[b] != solid:
-                        clean = False
+                        run_clean = False
             mine[count] = b
             count += 1
-            if not clean:
+            if not run_clean or not ok:
                 continue
             if state[b] == MIXED and not _one_sided_within(planes, shifted[b], rounding, parts):
-                clean = False
+                run_clean = False
                 continue
             for side in range(4):
                 other = blockers.adjacent[b, side]
                 if other >= 0 and state[other] == state[b]:
                     continue
                 if not _edge_outside(planes, n, rounding, shifted[b], side):
-                    clean = False
+                    run_clean = False
                     break
+        if dark:
+            continue
         mine[lists.shape[1] - 1] = count
         lit = count == 0
-        if clean and not lit:
-            # No shadow edge in the pyramid: one ray through the middle decides.
-            if _visible_share(cell, x, blockers, mine, count, 1, work, h, hu, hv) == 0.0:
-                continue
-            lit = True
-            mine[lists.shape[1] - 1] = 0
         if lit and (tone.size == 0 or (ok and _is_small(planes))):
             value = patch_factor(cell, n, cone, flags, eps, rounding)
             out[3] += value

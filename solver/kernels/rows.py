@@ -127,13 +127,19 @@ def _row(
                         k += 1
             else:
                 k = 0
+            # What is small needs fewer digits: 0.05 eps of the whole hemisphere is enough.
+            dx = sources.spheres[j, 0] - x[0]
+            dy = sources.spheres[j, 1] - x[1]
+            dz = sources.spheres[j, 2] - x[2]
+            bound = sources.spheres[j, 3] ** 2 / (dx * dx + dy * dy + dz * dz + 1e-300)
+            digits = min(max(eps, 0.05 * eps / bound), 1e-2)
             if k == 0:
-                value = patch_factor(s, n, sources.cones[j], 0, eps, rounding)
+                value = patch_factor(s, n, sources.cones[j], 0, digits, rounding)
                 factors[j] += weight * value
                 counters[UNOCCLUDED] += 1
                 continue
             visible_factor(
-                s, x, n, sources.cones[j], 0, solid, eps, sources.cell_eps[j], rounding, plain,
+                s, x, n, sources.cones[j], 0, solid, digits, sources.cell_eps[j], rounding, plain,
                 blockers, near, k, scratch, found,
             )  # fmt: skip
             factors[j] += weight * found[0]
