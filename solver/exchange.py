@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import NumericsError
 from .kernels.pyramid import Blockers
@@ -37,14 +38,14 @@ class Rows:
     ----------
     factors : (m, n) array
         Fraction of the light leaving receiver i that reaches element j.
-    variances : (m, n) array
+    variances : (m, n) float32 array
         Variance of the sampled part of each factor.
     counters : dict
         Pairs and cells by what was done with them.
     """
 
     factors: FloatArray
-    variances: FloatArray
+    variances: NDArray[np.float32]
     counters: dict[str, int]
 
 

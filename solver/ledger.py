@@ -46,12 +46,12 @@ def make_balance(
         flux = float(absorbed[material == row].sum())
         by_material[name] = by_material.get(name, 0.0) + flux
     by_group: dict[str, float] = {}
-    flux = luminous(emitted) * areas
+    source = luminous(emitted) * areas
     for row in np.unique(lamp[lamp >= 0]):
         group = scene.luminaires[row].group
-        by_group[group] = by_group.get(group, 0.0) + float(flux[lamp == row].sum())
+        by_group[group] = by_group.get(group, 0.0) + float(source[lamp == row].sum())
     return Balance(
-        emitted_lm=float(flux.sum()),
+        emitted_lm=float(source.sum()),
         entered_lm=float((luminous(entered) * areas).sum()),
         absorbed_lm=float(absorbed.sum()),
         escaped_lm=float(leaving @ (1.0 - factors.sum(axis=1))),

@@ -102,11 +102,11 @@ def make_elements(
     if not (area > 0.0).all():
         raise GeometryError(f"patch {index[int(np.argmin(area))]}: its area is zero")
     weights *= (area / weights.sum(axis=1))[:, None]
-    for k in np.flatnonzero(area < small) if nodes > 1 else ():
-        at, su, sv = tangents(all_nets[k], 0.5, 0.5)
+    for row in np.flatnonzero(area < small) if nodes > 1 else ():
+        at, su, sv = tangents(all_nets[row], 0.5, 0.5)
         n = np.cross(su, sv)
-        points[k], normals[k] = at, n / np.linalg.norm(n)
-        weights[k], weights[k, 0] = 0.0, area[k]
+        points[row], normals[row] = at, n / np.linalg.norm(n)
+        weights[row], weights[row, 0] = 0.0, area[row]
     return Elements(
         nets=all_nets,
         patch_index=np.array(index),

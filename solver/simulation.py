@@ -20,6 +20,7 @@ from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.result import CameraImage, Result, SensorResult, luminous
 from .model.scene import BLACK, SceneData
+from .model.sky import CIESky
 from .model.views import Sensors
 from .radiosity import coarse_exitance, solve_radiosity
 from .skies import ground_luminance, horizontal_illuminance, sun_luminance
@@ -306,7 +307,7 @@ class _Simulation:
         self.stages.count(rows.counters)
         return rows
 
-    def _sees_out(self, row_sums: FloatArray, variances: FloatArray) -> bool:
+    def _sees_out(self, row_sums: FloatArray, variances: np.ndarray) -> bool:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
         missing = 1.0 - row_sums
         noise = 3.0 * np.sqrt(variances.sum(axis=1, dtype=np.float64)) + 1e-4
@@ -332,7 +333,7 @@ class _Simulation:
         """Add the direct light of sky, sun and ground."""
         scene, budget, stages = self.scene, self.budget, self.stages
         eps = budget.sensor_dome_cell_eps if on_sensors else budget.dome_cell_eps
-        jobs = []
+        jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
         if scene.sky is not None:
             jobs.append(("sky", dome_cells(0.0, 90.0), scene.sky, eps, scene.sky.cct_k))
         if scene.sun is not None:

@@ -35,9 +35,9 @@ class PatchSet:
     """
 
     control_points: FloatArray
-    face_index: IntArray = field(default=None)  # type: ignore[assignment]
-    part_index: IntArray = field(default=None)  # type: ignore[assignment]
-    edge_index: IntArray = field(default=None)  # type: ignore[assignment]
+    face_index: IntArray = field(default=None)  # type: ignore[arg-type, assignment]
+    part_index: IntArray = field(default=None)  # type: ignore[arg-type, assignment]
+    edge_index: IntArray = field(default=None)  # type: ignore[arg-type, assignment]
 
     def __post_init__(self) -> None:
         nets = frozen(self.control_points)

@@ -34,7 +34,7 @@ class Sensors:
     name: str
     points: FloatArray
     normals: FloatArray
-    area_m2: FloatArray = field(default=None)  # type: ignore[assignment]
+    area_m2: FloatArray = field(default=None)  # type: ignore[arg-type, assignment]
     quantity: str = "planar"
     outline: tuple[FloatArray, ...] = ()
 
@@ -91,7 +91,8 @@ class Camera:
             check_shape(f"camera {self.name!r}: {name}", value, (3,))
             check_finite(f"camera {self.name!r}: {name}", value)
         view = target - eye
-        if np.linalg.norm(np.cross(view, self.up)) <= 1e-12 * max(1.0, np.linalg.norm(view)):
+        length = float(np.linalg.norm(view))
+        if np.linalg.norm(np.cross(view, self.up)) <= 1e-12 * max(1.0, length):
             raise InputError(f"camera {self.name!r}: the view direction is zero or along up")
         if self.projection not in PROJECTIONS:
             raise InputError(
