@@ -26,7 +26,8 @@ def source_key() -> str:
 def use_cache_folder() -> tuple[Path, bool]:
     """Point Numba's disk cache to a folder of this version of the kernels.
 
-    Call it before the first kernel is imported. A NUMBA_CACHE_DIR that is already set is kept.
+    Importing a kernel calls it. A folder that the user has given, in NUMBA_CACHE_DIR or to Numba
+    itself, is kept.
 
     Returns
     -------
@@ -35,11 +36,11 @@ def use_cache_folder() -> tuple[Path, bool]:
     warm : bool
         Whether kernels compiled earlier are in it; otherwise compiling comes first.
     """
-    given = os.environ.get("NUMBA_CACHE_DIR")
+    numba = sys.modules.get("numba")  # imported before: it has read the environment already
+    given = os.environ.get("NUMBA_CACHE_DIR") or (numba.config.CACHE_DIR if numba else "")
     folder = Path(given) if given else _first_writable(f"numba-{source_key()}")
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
-    numba = sys.modules.get("numba")
-    if numba is not None:  # imported before: it has read the environment already
+    if numba is not None:
         numba.config.CACHE_DIR = str(folder)
     warm = folder.is_dir() and next(folder.rglob("*.nbi"), None) is not None
     return folder, warm

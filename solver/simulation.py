@@ -11,7 +11,7 @@ from .budget import Budget
 from .containment import Containment, check_placement
 from .dome import dome_cells, gather, sun_cells
 from .errors import GeometryError, InputError
-from .exchange import Rows, form_factor_matrix, make_sources
+from .exchange import Rows, close_rows, form_factor_matrix, make_sources
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .ledger import make_balance
@@ -159,6 +159,7 @@ class _Light:
 
     direct: dict[str, FloatArray]
     variance: FloatArray
+    outside: FloatArray  # (m,) form factor of sky and ground together
 
 
 class _Simulation:
@@ -188,8 +189,10 @@ class _Simulation:
         row_sums = rows.factors.sum(axis=1)
         lit = surfaces.areas > 0.0
         sees_out = self._sees_out(row_sums[lit], rows.variances[lit])
-        light = self._direct(rows, surfaces)
+        light = _Light({}, np.zeros(len(elements)), np.zeros(len(elements)))
         self._add_dome(light, receivers, blockers, trace, sees_out, on_sensors=False)
+        rows = self._closed(rows, light, sees_out)
+        self._add_lamps(light, rows, surfaces)
         with stages.run("radiosity"):
             reflected, products = solve_radiosity(
                 rows.factors, surfaces.reflectance, light.direct
@@ -258,9 +261,12 @@ class _Simulation:
         return replace(elements, buried=buried.reshape(elements.weights.shape))
 
     def _sources(self, surfaces: _Surfaces) -> Sources:
-        budget = self.budget
-        shines = surfaces.emitted.max(axis=1) > 0.0
-        cell_eps = np.where(shines, budget.lamp_cell_eps, budget.cell_eps)
+        """Elements as sources; the brighter one is, the finer its partly hidden cells are cut."""
+        budget, emitted = self.budget, luminous(surfaces.emitted)
+        mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
+        with np.errstate(divide="ignore"):
+            cell_eps = budget.cell_eps * np.where(emitted > 0.0, mean / emitted, 1.0)
+        cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
         return make_sources(surfaces.elements, self.scene.patches.control_points, cell_eps)
 
     def _say_skipped(self, blockers: Blockers) -> None:
@@ -313,12 +319,28 @@ class _Simulation:
         noise = 3.0 * np.sqrt(variances.sum(axis=1, dtype=np.float64)) + 1e-4
         return bool((missing > noise).any())
 
-    def _direct(self, rows: Rows, surfaces: _Surfaces) -> _Light:
-        direct = {
+    def _add_lamps(self, light: _Light, rows: Rows, surfaces: _Surfaces) -> None:
+        """Put the direct light of the luminaires before that of sky, sun and ground."""
+        lamps = {
             group: rows.factors @ surfaces.emitted_by(self.scene, group)
             for group in self.lamp_groups
         }
-        return _Light(direct, np.zeros(len(rows.factors)))
+        light.direct = {**lamps, **light.direct}
+
+    def _closed(self, rows: Rows, light: _Light, sees_out: bool) -> Rows:
+        """Rows whose sampling error is corrected by what all directions together must give.
+
+        Needs the total: 1 when nothing sees out, else 1 less what is seen of sky and ground. Backs
+        of one-sided patches count nowhere, so that scenes with such patches are left alone.
+        """
+        scene = self.scene
+        whole = bool((scene.closed | scene.two_sided).all())
+        both = {"sky", "ground"} <= set(light.direct)
+        if not whole or (sees_out and not both) or "visibility" in self.stages.skipped:
+            return rows
+        closed, count = close_rows(rows, 1.0 - light.outside if sees_out else 1.0)
+        self.stages.count({"rows_closed": count})
+        return closed
 
     def _add_dome(
         self,
@@ -366,6 +388,8 @@ class _Simulation:
             color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
             light.direct[name] = found.illuminance[:, None] * color
             light.variance += found.deviation**2
+            if name != "sun":
+                light.outside += found.factor
 
     def _coarse_shift(
         self, rows: Rows, surfaces: _Surfaces, light: _Light, exitance: FloatArray
@@ -398,8 +422,10 @@ class _Simulation:
         receivers = _Receivers.of_sensors(grid)
         with self.stages.run("sensors") as tell:
             rows = self._rows(receivers, sources, blockers, trace, tell)
-        light = self._direct(rows, surfaces)
+        light = _Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
         self._add_dome(light, receivers, blockers, trace, sees_out, on_sensors=True)
+        rows = self._closed(rows, light, sees_out)
+        self._add_lamps(light, rows, surfaces)
         components = {}
         for group, direct in light.direct.items():
             components[f"{group}.direct"] = luminous(direct)

@@ -522,17 +522,18 @@ def visible_factor(
         low, inner, high = heights(cell, n)
         if high <= rounding:
             continue
-        if flags & ALWAYS_FRONT:
-            facing = 1
+        facing = 1
+        if at_infinity:
             cone[0], cone[1], cone[2], cone[3] = 0.0, 0.0, 0.0, 2.0
         else:
             if level == 0 or cone0[3] == 0.0:
                 cone[:] = cone0
             else:
                 normal_cone(cell, cone)
-            facing = facing_of(cell, cone, rounding)
-            if facing < 0:
-                continue
+            if not flags & ALWAYS_FRONT:
+                facing = facing_of(cell, cone, rounding)
+                if facing < 0:
+                    continue
         ok = make_pyramid(cell, planes)
         parent, parent_count = (listed0, count0) if level == 0 else (lists[level - 1], -1)
         if level > 0:

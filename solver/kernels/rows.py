@@ -10,7 +10,15 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .patch_factor import CONCAVE, CONVEX, PLANAR, facing_of, heights, patch_factor
+from .patch_factor import (
+    ALWAYS_FRONT,
+    CONCAVE,
+    CONVEX,
+    PLANAR,
+    facing_of,
+    heights,
+    patch_factor,
+)
 from .pyramid import FRONT, NO_BLOCKER, make_scratch, see_blockers, visible_factor
 
 #: Columns of the counters of a row.
@@ -96,8 +104,9 @@ def _row(
         if high <= rounding:
             counters[SKIPPED_HORIZON] += size
             continue
-        facing = facing_of(s, sources.group_cones[g], rounding)
-        if facing < 0:
+        # Inside a convex cavity every wall faces every other.
+        inside = own_patch >= 0 and blockers.hollow[solid] and blockers.solid[own_patch] == solid
+        if not inside and facing_of(s, sources.group_cones[g], rounding) < 0:
             counters[SKIPPED_FACING] += size
             continue
         count = 0
@@ -131,15 +140,19 @@ def _row(
             dx = sources.spheres[j, 0] - x[0]
             dy = sources.spheres[j, 1] - x[1]
             dz = sources.spheres[j, 2] - x[2]
-            bound = sources.spheres[j, 3] ** 2 / (dx * dx + dy * dy + dz * dz + 1e-300)
+            distance2 = dx * dx + dy * dy + dz * dz
+            bound = sources.spheres[j, 3] ** 2 / (distance2 + 1e-300)
+            front = 0
+            if inside and (patch != own_patch or distance2 > sources.spheres[j, 3] ** 2):
+                front = ALWAYS_FRONT
             digits = min(max(eps, 0.05 * eps / bound), 1e-2)
             if k == 0:
-                value = patch_factor(s, n, sources.cones[j], 0, digits, rounding)
+                value = patch_factor(s, n, sources.cones[j], front, digits, rounding)
                 factors[j] += weight * value
                 counters[UNOCCLUDED] += 1
                 continue
             visible_factor(
-                s, x, n, sources.cones[j], 0, solid, digits, sources.cell_eps[j], rounding, plain,
+                s, x, n, sources.cones[j], front, solid, digits, sources.cell_eps[j], rounding, plain,
                 blockers, near, k, scratch, found,
             )  # fmt: skip
             factors[j] += weight * found[0]
