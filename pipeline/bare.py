@@ -70,9 +70,7 @@ def bare_scene(model: Model, path: Path, *, up: str = "z", scale: float = 1.0) -
         "ground": {"reflectance": 0.2},
     }
     from patchlight.solver.model import CIESky, Ground
-    from patchlight.solver.numba_cache import use_cache_folder
 
-    use_cache_folder()  # what lies inside a solid is asked of a kernel
     scene.sky, scene.ground = CIESky(16, diffuse_illuminance_lx=SKY_LX), Ground(0.2)
     interior = find_interior(scene, entry)
     if interior is not None and interior.air:

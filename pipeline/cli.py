@@ -125,7 +125,7 @@ def inspect(
 
     model = read_step(file, scale=scale, unit=unit, tolerance=tolerance)
     if json_:
-        from patchlight.importers.inspection import inspection
+        from patchlight.importers import inspection
 
         print(json.dumps(inspection(model), indent=2))
         return OK

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from patchlight.solver.errors import InputError, MissingFileError
 from patchlight.solver.model import Result
+from patchlight.solver.numba_cache import use_cache_folder
 
 from .output import prepare_output
 from .scene import Scene
-from .simulation import announce_kernels, check_effort, simulate, with_requirements
+from .simulation import check_effort, simulate, with_requirements
 
 if TYPE_CHECKING:
     from .scene_schema import SceneFile
@@ -80,7 +81,6 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
         known = ", ".join((".toml", *STEP_SUFFIXES))
         raise InputError(f"{path}: neither a scene file nor a STEP file; known endings: {known}")
     accuracy = scene.accuracy if options.accuracy is None else options.accuracy
-    announce_kernels(talk.progress)
     data = scene.freeze()
     for note in data.notes:
         if not note.startswith("default: "):  # said already
@@ -124,6 +124,7 @@ def _from_scene_file(
     _prepare(folder, (path.parent / table.file for table in file.model), options)
     talk.progress("reading models", 0, len(file.model))
     scene = build_scene(file, path)
+    _announce_kernels(talk)
     if options.accuracy is not None:
         file = _with_accuracy(file, options.accuracy)
     return scene, resolved_config(file, path.parent)
@@ -147,6 +148,7 @@ def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tup
         if (value := getattr(options, key)) is not None
     }
     model = read_step(path, **given)
+    _announce_kernels(talk)  # asking what lies inside a solid needs them
     bare = bare_scene(model, path, up=options.up or "z", scale=options.scale or 1.0)
     talk.note(f"{path.name}: no scene file, so it runs with defaults")
     for remark in bare.remarks:
@@ -160,6 +162,11 @@ def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tup
 
 def _prepare(folder: Path, inputs: Iterable[Path], options: RunOptions) -> None:
     prepare_output(folder, inputs, force=options.force, own=options.own_files)
+
+
+def _announce_kernels(talk: Talk) -> None:
+    if not use_cache_folder()[1]:
+        talk.note("the kernels are compiled on the way, once")
 
 
 def _refuse(options: RunOptions, keys: tuple[str, ...], why: str) -> None:

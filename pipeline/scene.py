@@ -357,11 +357,8 @@ class Scene:
 
     def freeze(self) -> SceneData:
         """The scene as the solver sees it: world axes, SI units, sensors resolved."""
-        from patchlight.solver.numba_cache import use_cache_folder
-
         from .freezing import frozen_scene
 
-        use_cache_folder()  # asking what is inside a solid compiles kernels
         return frozen_scene(self)
 
 

@@ -1,18 +1,18 @@
 """Session set-up; runs before anything imports Numba."""
 
-import hashlib
 import os
 import tempfile
 from pathlib import Path
 
-# Numba drops a cached kernel only when that kernel's own file changes: an edited helper in another
-# file would be tested with old machine code. So the cache is keyed by all kernel sources together.
-_SOURCES = sorted((Path(__file__).parents[1] / "solver" / "kernels").rglob("*.py"))
-_KEY = hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdigest()[:16]
+from patchlight.solver.numba_cache import source_key
+
+# Always keyed by the kernel sources, also below a folder given by the user: otherwise an edited
+# kernel would be tested with the old machine code of those that call it.
+_KEY = source_key()
 _BASE = Path(
-    os.environ.get("NUMBA_CACHE_DIR", Path(tempfile.gettempdir(), f"patchlight-{os.getuid()}"))
+    os.environ.get("NUMBA_CACHE_DIR") or Path(tempfile.gettempdir(), f"patchlight-{os.getuid()}")
 )
-# Workers of pytest-xdist inherit the folder that the first process chose.
+# Workers of pytest-xdist and child processes inherit the folder that the first process chose.
 os.environ["NUMBA_CACHE_DIR"] = str(_BASE if _BASE.name == _KEY else _BASE / _KEY)
 
 # No test may open a window.

@@ -1,0 +1,72 @@
+"""What holds for all packages: public names, and where compiled kernels are kept."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from patchlight.solver import numba_cache
+
+PACKAGES = ("importers", "pipeline", "reports", "solver", "solver.model")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_public_names_are_never_modules(package):
+    """A submodule hides a function of its name as soon as anything has imported the submodule."""
+    module = importlib.import_module(f"patchlight.{package}")
+    public = set(getattr(module, "__all__", ()))
+    assert not public & {info.name for info in pkgutil.iter_modules(module.__path__)}
+    assert not [name for name in public if inspect.ismodule(getattr(module, name))]
+
+
+def cache_folder(tmp_path: Path, **environment: str) -> Path:
+    """Where a kernel imported by a script of its own would be kept."""
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    code = (
+        "from patchlight.solver.kernels.sky_luminance import sky_luminance\n"
+        "print(sky_luminance._cache.cache_path)"
+    )
+    env = kept | {"XDG_CACHE_HOME": str(tmp_path / "user")} | environment
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
+    )
+    return Path(done.stdout.strip())
+
+
+def test_kernels_of_a_plain_script_are_keyed_by_all_sources(tmp_path):
+    assert cache_folder(tmp_path).parent.name == f"numba-{numba_cache.source_key()}"
+
+
+def test_cache_folder_of_the_user_wins(tmp_path):
+    mine = tmp_path / "mine"
+    assert cache_folder(tmp_path, NUMBA_CACHE_DIR=str(mine)).parent == mine
+
+
+def test_key_changes_with_any_kernel(tmp_path, monkeypatch):
+    for name in ("a.py", "b.py"):
+        (tmp_path / name).write_text(name)
+    monkeypatch.setattr(numba_cache, "KERNELS", tmp_path)
+    keys = {numba_cache.source_key()}
+    for name in ("a.py", "b.py"):
+        (tmp_path / name).write_text("changed")
+        keys.add(numba_cache.source_key())
+    assert len(keys) == 3
+
+
+def test_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
+    kernels = tmp_path / "kernels"
+    kernels.mkdir()
+    (kernels / "__pycache__").write_text("in the way")
+    monkeypatch.setattr(numba_cache, "KERNELS", kernels)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    folder, warm = numba_cache.use_cache_folder()
+    assert folder.parent == tmp_path / "user" / "patchlight"
+    assert not warm
