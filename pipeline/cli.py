@@ -274,13 +274,12 @@ def _check_pdf(wanted: bool) -> None:
 
 def _report(done, *, as_json: bool = False, check: bool = False) -> int:  # type: ignore[no-untyped-def]
     """Print the results of a run; return the exit code."""
-    from .printing import result_json, result_text
+    from .printing import accuracy_reached, result_json, result_text
 
     print(result_json(done) if as_json else result_text(done))
     if not done.result.converged:
-        reached = done.result.settings.get("accuracy_reached")
-        text = f": reached {reached:.3g}" if isinstance(reached, float) else ""
-        print(f"not converged to the accuracy asked for{text}", file=sys.stderr)
+        asked, reached = done.result.settings["accuracy"], accuracy_reached(done.result)
+        print(f"accuracy {asked:g} was not reached, but {reached:.2g}", file=sys.stderr)
         return NOT_CONVERGED
     if check:
         from patchlight.reports import evaluate_requirements

@@ -74,8 +74,9 @@ def accuracy_statement(result: Result) -> str:
     if not result.converged:
         text += "The computation stopped before the error asked for was reached. "
     return text + (
-        "Errors stand behind ± as half-widths that cover import, quadrature, visibility, mesh and "
-        "solver. Material data, luminaire data and the sky model are taken as given."
+        "Errors stand behind ± as half-widths that cover quadrature, visibility, mesh and solver. "
+        "Deviations of converted surfaces are listed with the import; material data, luminaire "
+        "data and the sky model are taken as given."
     )
 
 

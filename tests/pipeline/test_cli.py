@@ -78,6 +78,19 @@ def test_files_that_cannot_be_run(bad_steps, capsys, name):
         assert name in fails_with_one_line(capsys, "inspect", name)
 
 
+def test_inspect_prints_parts_and_certificate(tmp_path, capsys):
+    cq = pytest.importorskip("cadquery")
+    model = cq.Assembly(name="things")
+    model.add(cq.Workplane().box(400, 300, 200), name="box")
+    model.export(str(tmp_path / "things.step"))
+    assert main(["inspect", str(tmp_path / "things.step"), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert [part["path"] for part in said["parts"]] == ["box"]
+    assert said["certificate"]["faces_exact"] == said["certificate"]["faces_total"] == 6
+    assert main(["inspect", str(tmp_path / "things.step")]) == 0
+    assert "box  (solid" in capsys.readouterr().out
+
+
 def test_other_files_and_folders(bad_steps, capsys):
     (bad_steps / "notes.txt").write_text("x")
     assert "notes.txt" in fails_with_one_line(capsys, "run", "notes.txt")

@@ -8,6 +8,7 @@ import json
 import pytest
 from patchlight.pipeline import Emitter, PatchSet, Scene, SensorGrid, simulate
 from patchlight.pipeline.cli import main
+from patchlight.pipeline.printing import accuracy_reached
 
 pytestmark = pytest.mark.slow
 
@@ -99,4 +100,5 @@ def test_simulate_carries_requirements_and_progress():
     assert result.settings["requirements"] == [{"sensors": "g", "metric": "E_avg_lx", "min": 1.0}]
     assert result.settings["started"] <= result.settings["ended"]
     assert stages
+    assert (accuracy_reached(result) <= 0.1) == result.converged
     assert result.sensors["g"].metrics["E_avg_lx"] > 1.0
