@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import NumericsError
-from .exchange import writable
 from .kernels.dome import dome_rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.shapes import arc, frame
 from .model.sky import CIESky, Sun, direction
 from .skies import sky_parameters, sun_direction
+from .topology import writable
 
 #: Receivers per kernel call.
 ROWS_PER_BLOCK = 64

@@ -14,7 +14,7 @@ from .kernels.rows import CELLS, SKIPPED_FACING, SKIPPED_HORIZON, TRACED, UNOCCL
 from .kernels.rows import Sources, form_factor_rows
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
-from .topology import bounding_spheres, normal_cones, shape_flags
+from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call: short enough to report progress and to obey Ctrl-C.
 ROWS_PER_BLOCK = 64
@@ -49,11 +49,6 @@ class Rows:
     counters: dict[str, int]
 
 
-def writable(array: np.ndarray) -> np.ndarray:
-    """A C-contiguous writable copy: read-only arrays would compile every kernel again."""
-    return np.array(array, order="C")
-
-
 def make_sources(elements: Elements, patch_nets: FloatArray, cell_eps: FloatArray) -> Sources:
     """Pack elements as sources; they must be sorted by patch and side, as `make_elements` does."""
     key = elements.patch_index * 2 + elements.side
@@ -63,15 +58,15 @@ def make_sources(elements: Elements, patch_nets: FloatArray, cell_eps: FloatArra
     group_nets = patch_nets[patch].copy()
     flip = elements.side[first] == 1
     group_nets[flip] = group_nets[flip][:, ::-1]
-    flags = shape_flags(np.ascontiguousarray(group_nets))
+    flags = shape_flags(group_nets)
     return Sources(
         nets=writable(elements.nets),
         cones=normal_cones(elements.nets),
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
-        cell_eps=np.ascontiguousarray(cell_eps, dtype=np.float64),
-        group=np.ascontiguousarray(np.stack([first, end, patch], axis=1)),
-        group_nets=np.ascontiguousarray(group_nets),
+        cell_eps=writable(cell_eps),
+        group=writable(np.stack([first, end, patch], axis=1), np.int64),
+        group_nets=writable(group_nets),
         group_cones=normal_cones(group_nets),
         group_spheres=bounding_spheres(group_nets),
     )
@@ -125,7 +120,7 @@ def form_factor_matrix(
             writable(nodes[rows]),
             writable(normals[rows]),
             writable(weights[rows]),
-            writable(patches[rows]),
+            writable(patches[rows], np.int64),
             sources,
             blockers,
             eps,

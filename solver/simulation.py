@@ -264,8 +264,8 @@ class _Simulation:
         """Elements as sources; the brighter one is, the finer its partly hidden cells are cut."""
         budget, emitted = self.budget, luminous(surfaces.emitted)
         mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
-        with np.errstate(divide="ignore"):
-            cell_eps = budget.cell_eps * np.where(emitted > 0.0, mean / emitted, 1.0)
+        cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
+        cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
         return make_sources(surfaces.elements, self.scene.patches.control_points, cell_eps)
 

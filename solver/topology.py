@@ -12,6 +12,15 @@ from .model.bezier import tangents
 from .model.patches import PatchSet
 
 
+def writable(array: np.ndarray, dtype: type = np.float64) -> np.ndarray:
+    """A C-contiguous writable copy for kernels.
+
+    Parallel kernels see all their arrays as writable: given read-only ones, Numba would compile
+    every function they call a second time.
+    """
+    return np.array(array, dtype=dtype, order="C")
+
+
 def bounding_spheres(nets: FloatArray) -> FloatArray:
     """Centre and radius (n, 4) of spheres about the control points of nets (n, 4, 4, 4). [m]"""
     points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
@@ -23,7 +32,7 @@ def bounding_spheres(nets: FloatArray) -> FloatArray:
 def normal_cones(nets: FloatArray) -> FloatArray:
     """Axis and sine of the half-angle (n, 4) of the normals of nets (n, 4, 4, 4)."""
     cones = np.empty((len(nets), 4))
-    for net, cone in zip(np.ascontiguousarray(nets), cones, strict=True):
+    for net, cone in zip(writable(nets), cones, strict=True):
         normal_cone(net, cone)
     return cones
 
@@ -155,18 +164,18 @@ def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Block
     solid : (p,) int array
         Solid or part of each patch.
     """
-    nets = patches.control_points
+    nets = writable(patches.control_points)
     flags = shape_flags(nets)
     count = int(solid.max()) + 1 if len(solid) else 0
     bulging, hollow = convexity(nets, flags, solid, np.asarray(closed, bool), count)
     return Blockers(
         nets=nets,
         kinds=classify_patches(nets),
-        closed=np.ascontiguousarray(closed, dtype=np.bool_),
+        closed=writable(closed, np.bool_),
         adjacent=adjacency(nets, solid),
         cones=normal_cones(nets),
         flags=flags,
-        solid=np.ascontiguousarray(solid, dtype=np.int64),
+        solid=writable(solid, np.int64),
         bulging=bulging,
         hollow=hollow,
         spheres=bounding_spheres(nets),

@@ -34,6 +34,8 @@ def dome_rows(
         Cells at infinity traced, and pyramid cells visited.
     """
     p = blockers.nets.shape[0]
+    # Not literals: those would compile the callee once more.
+    front, nowhere = tone.size * 0 + ALWAYS_FRONT, tone.size * 0 - 1
     for i in nb.prange(nodes.shape[0]):
         scratch = make_scratch(p, levels)
         listed = np.empty(p + 1, dtype=np.int64)
@@ -59,7 +61,7 @@ def dome_rows(
                 if high <= 0.0:
                     continue
                 visible_factor(
-                    s, x, n, cone, ALWAYS_FRONT, -1, eps, cell_eps, rounding, tone, blockers,
+                    s, x, n, cone, front, nowhere, eps, cell_eps, rounding, tone, blockers,
                     listed, count, scratch, found,
                 )  # fmt: skip
                 out[i, 0] += w * found[0]

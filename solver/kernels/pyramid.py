@@ -59,6 +59,8 @@ class Scratch(NamedTuple):
     lists: np.ndarray
     shifted: np.ndarray
     state: np.ndarray
+    views: np.ndarray
+    active: np.ndarray
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -74,6 +76,8 @@ def make_scratch(patches, levels):
         np.empty((levels + 1, patches + 1), dtype=np.int64),
         np.empty((patches, 4, 4, 4)),
         np.zeros(patches, dtype=np.int64),
+        np.empty((patches, 7)),
+        np.empty(patches, dtype=np.int64),
     )
 
 

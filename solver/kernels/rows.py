@@ -56,34 +56,52 @@ class Sources(NamedTuple):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _apart(x, source, blocker):
-    """Whether the bounding cones of two spheres seen from ``x`` are apart, or the order excludes."""
-    sx, sy, sz = source[0] - x[0], source[1] - x[1], source[2] - x[2]
-    bx, by, bz = blocker[0] - x[0], blocker[1] - x[1], blocker[2] - x[2]
-    ls = math.sqrt(sx * sx + sy * sy + sz * sz)
-    lb = math.sqrt(bx * bx + by * by + bz * bz)
-    if lb - blocker[3] >= ls + source[3]:
+def _view_cone(x, sphere, cone):
+    """Direction (3), sine and cosine of the half-angle, nearest and farthest distance of a sphere.
+
+    A sphere about the receiver gets sine 2: its cone is everywhere.
+    """
+    dx, dy, dz = sphere[0] - x[0], sphere[1] - x[1], sphere[2] - x[2]
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    cone[5], cone[6] = d - sphere[3], d + sphere[3]
+    if d <= sphere[3]:
+        cone[0], cone[1], cone[2], cone[3], cone[4] = 0.0, 0.0, 0.0, 2.0, 0.0
+        return
+    cone[0], cone[1], cone[2] = dx / d, dy / d, dz / d
+    cone[3] = sphere[3] / d
+    cone[4] = math.sqrt(1.0 - cone[3] * cone[3])
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _apart(source, blocker):
+    """Whether two view cones do not meet, or the blocker lies beyond the source."""
+    if blocker[5] >= source[6]:
         return True
-    if ls <= source[3] or lb <= blocker[3]:
+    sa, sb, ca, cb = source[3], blocker[3], source[4], blocker[4]
+    if sa > 1.0 or sb > 1.0 or sa * cb + ca * sb <= 0.0:
         return False
-    sa, sb = source[3] / ls, blocker[3] / lb
-    ca, cb = math.sqrt(1.0 - sa * sa), math.sqrt(1.0 - sb * sb)
-    if sa * cb + ca * sb <= 0.0 or (ca * cb - sa * sb <= -1.0):
-        return False
-    return sx * bx + sy * by + sz * bz < (ca * cb - sa * sb) * ls * lb - 1e-12 * ls * lb
+    cosine = source[0] * blocker[0] + source[1] * blocker[1] + source[2] * blocker[2]
+    return cosine < ca * cb - sa * sb - 1e-12
 
 
 @nb.njit(cache=True, error_model="numpy")
 def _row(
-    x, n, own, own_patch, sources, blockers, eps, trace, scratch, listed, near, s, found, weight,
+    x, n, own_patch, sources, blockers, eps, trace, scratch, listed, near, s, found, weight,
     factors, variances, counters,
 ):  # fmt: skip
     """Add ``weight`` times the form factors from one node to ``factors`` (n,)."""
     rounding = horizon_tolerance(x)
     plain = np.empty(0)
     state = scratch.state
+    cone = np.empty(7)
+    views, active, awake = scratch.views, scratch.active, 0
     if trace:
         see_blockers(blockers, x, n, rounding, scratch.shifted, state)
+        for b in range(state.shape[0]):
+            if state[b] != NO_BLOCKER:
+                _view_cone(x, blockers.spheres[b], views[awake])
+                active[awake] = b
+                awake += 1
     for g in range(sources.group.shape[0]):
         first, end, patch = sources.group[g, 0], sources.group[g, 1], sources.group[g, 2]
         size = end - first
@@ -111,9 +129,11 @@ def _row(
             continue
         count = 0
         if trace:
-            for b in range(state.shape[0]):
-                if state[b] == NO_BLOCKER:
+            _view_cone(x, sources.group_spheres[g], cone)
+            for m in range(awake):
+                if _apart(cone, views[m]):
                     continue
+                b = active[m]
                 if b == patch and (
                     state[b] == FRONT or sources.flags[first] & (PLANAR | CONVEX | CONCAVE)
                 ):
@@ -122,29 +142,26 @@ def _row(
                     blockers.bulging[solid] or blockers.hollow[solid]
                 ):
                     continue
-                if _apart(x, sources.group_spheres[g], blockers.spheres[b]):
-                    continue
-                listed[count] = b
+                listed[count] = m
                 count += 1
         for j in range(first, end):
             shift_net(sources.nets[j], x, s)
+            k = 0
             if count:
-                k = 0
+                _view_cone(x, sources.spheres[j], cone)
                 for m in range(count):
-                    if not _apart(x, sources.spheres[j], blockers.spheres[listed[m]]):
-                        near[k] = listed[m]
+                    if not _apart(cone, views[listed[m]]):
+                        near[k] = active[listed[m]]
                         k += 1
-            else:
-                k = 0
             # What is small needs fewer digits: 0.05 eps of the whole hemisphere is enough.
             dx = sources.spheres[j, 0] - x[0]
             dy = sources.spheres[j, 1] - x[1]
             dz = sources.spheres[j, 2] - x[2]
             distance2 = dx * dx + dy * dy + dz * dz
             bound = sources.spheres[j, 3] ** 2 / (distance2 + 1e-300)
-            front = 0
+            front = patch * 0  # not a literal: those would compile the callee once more
             if inside and (patch != own_patch or distance2 > sources.spheres[j, 3] ** 2):
-                front = ALWAYS_FRONT
+                front += ALWAYS_FRONT
             digits = min(max(eps, 0.05 * eps / bound), 1e-2)
             if k == 0:
                 value = patch_factor(s, n, sources.cones[j], front, digits, rounding)
@@ -199,6 +216,6 @@ def form_factor_rows(
             for k in range(3):
                 x[k], n[k] = nodes[i, q, k], normals[i, q, k]
             _row(
-                x, n, i, patches[i], sources, blockers, eps, trace, scratch, listed, near,
+                x, n, patches[i], sources, blockers, eps, trace, scratch, listed, near,
                 s, found, weights[i, q], factors[i], variances[i], counters[i],
             )  # fmt: skip
