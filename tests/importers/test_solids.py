@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import cadquery as cq
+import matplotlib
 import numpy as np
 import pytest
 from patchlight.importers import from_cadquery
@@ -86,9 +88,12 @@ def test_trimmed_solids_are_closed_and_within_tolerance(name):
 
 
 def test_text_is_exact():
-    model, area, volume, open_ = measured(cq.Workplane().text("Patch&8", 5, 1))
+    font = Path(matplotlib.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
+    shape = cq.Workplane().text("Patch&8", 5, 1, fontPath=str(font))
+    model, _, volume, open_ = measured(shape)
     assert model.certificate.faces_failed == 0
     assert model.certificate.faces_exact == model.certificate.faces_total
+    assert volume == pytest.approx(shape.val().Volume(), rel=1e-9)
     assert open_ < 1e-9
 
 

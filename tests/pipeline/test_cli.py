@@ -228,13 +228,17 @@ def test_batch_says_how_a_worker_died(bad_steps, monkeypatch):
     assert item.exit_code == -11 and "SIGSEGV" in item.message
 
 
-def test_demo_model_has_curved_faces(tmp_path):
+@pytest.fixture(scope="module")
+def demo_scene(tmp_path_factory):
     pytest.importorskip("cadquery")
-    from patchlight.importers import read_step
+    from patchlight.pipeline import load_scene
     from patchlight.pipeline.demo import write_demo
 
-    scene = write_demo("office", tmp_path)
-    model = read_step(scene.with_suffix(".step"))
+    return load_scene(write_demo("office", tmp_path_factory.mktemp("demo")))
+
+
+def test_demo_model_has_curved_faces(demo_scene):
+    model = demo_scene.entries["office"].model
     curved = [f for f in model.faces if f.kind != "plane"]
     assert len(model.faces) >= 60 and len(curved) >= 20
     assert model.certificate.faces_failed == 0
@@ -244,12 +248,8 @@ def test_demo_model_has_curved_faces(tmp_path):
     assert all(p.color is not None and p.kind == "solid" for p in model.parts)
 
 
-def test_demo_scene_file_fits_its_model(tmp_path):
-    pytest.importorskip("cadquery")
-    from patchlight.pipeline import load_scene
-    from patchlight.pipeline.demo import write_demo
-
-    data = load_scene(write_demo("office", tmp_path)).freeze()
+def test_demo_scene_file_fits_its_model(demo_scene):
+    data = demo_scene.freeze()
     assert not data.default_faces.any()
     assert data.groups == ("lamps", "sky", "ground")
     assert sum(lamp.flux_lm for lamp in data.luminaires) == pytest.approx(6400)
