@@ -154,7 +154,8 @@ def gather(
         if progress is not None:
             progress(rows.stop, m)
     if not np.isfinite(out).all():
-        raise NumericsError(f"light from infinity at receiver {np.argwhere(~np.isfinite(out))[0][0]}: not finite")
+        bad = int(np.argwhere(~np.isfinite(out))[0][0])
+        raise NumericsError(f"light from infinity at receiver {bad}: not finite")
     total = counters.sum(axis=0)
     return DomeLight(
         illuminance=math.pi * level * out[:, 0],

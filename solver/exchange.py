@@ -10,8 +10,15 @@ from numpy.typing import NDArray
 
 from .errors import NumericsError
 from .kernels.pyramid import Blockers
-from .kernels.rows import CELLS, SKIPPED_FACING, SKIPPED_HORIZON, TRACED, UNOCCLUDED
-from .kernels.rows import Sources, form_factor_rows
+from .kernels.rows import (
+    CELLS,
+    SKIPPED_FACING,
+    SKIPPED_HORIZON,
+    TRACED,
+    UNOCCLUDED,
+    Sources,
+    form_factor_rows,
+)
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .topology import bounding_spheres, normal_cones, shape_flags, writable

@@ -91,34 +91,3 @@ def solve_radiosity(
             reflected[:, band] = solution
         out[group] = reflected
     return out, products
-
-
-def coarse_exitance(
-    factors: FloatArray,
-    groups: np.ndarray,
-    areas: FloatArray,
-    reflectance: FloatArray,
-    emitted: FloatArray,
-    direct: FloatArray,
-) -> FloatArray:
-    """Exitance (n, b) of the same scene solved on merged elements, for an error estimate.
-
-    Rows are averaged by area and columns summed over ``groups`` (n,) of elements, so that the
-    difference to the fine solution is the effect of doubling the element size.
-    """
-    count = int(groups.max()) + 1
-    total = np.bincount(groups, weights=areas, minlength=count)
-    mean = np.where(total[groups] > 0.0, areas / np.where(total > 0.0, total, 1.0)[groups], 0.0)
-    merge = np.zeros((count, len(groups)))
-    merge[groups, np.arange(len(groups))] = 1.0
-    from scipy.sparse import csr_matrix
-
-    columns = csr_matrix(merge)
-    average = columns.multiply(mean[None, :]).tocsr()
-    small = np.asarray(average @ (columns @ factors.T).T)
-    out = np.empty_like(direct)
-    for band in range(direct.shape[1]):
-        rho = np.asarray(average @ reflectance[:, band])
-        light = np.asarray(average @ (direct[:, band]))
-        out[:, band] = np.linalg.solve(np.eye(count) - rho[:, None] * small, rho * light)[groups]
-    return emitted + out

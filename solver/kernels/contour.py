@@ -56,7 +56,7 @@ def shift_net(net, x, s):
 
 @nb.njit(cache=True, error_model="numpy")
 def load_edge(s, k, c):
-    """Copy boundary edge ``k`` (v=0, u=1, v=1, u=0; counter-clockwise) of ``s`` into ``c`` (4, 3)."""
+    """Copy edge ``k`` (v=0, u=1, v=1, u=0; counter-clockwise) of ``s`` into ``c`` (4, 3)."""
     for i in range(4):
         if k == 0:
             a, b = i, 0
@@ -181,9 +181,7 @@ def curve_term(c, ta, tb, n, eps):
             gy = e0 * d[0, 1] + e1 * d[1, 1] + e2 * d[2, 1]
             gz = e0 * d[0, 2] + e1 * d[1, 2] + e2 * d[2, 2]
             num = (
-                n[0] * (hy * gz - hz * gy)
-                + n[1] * (hz * gx - hx * gz)
-                + n[2] * (hx * gy - hy * gx)
+                n[0] * (hy * gz - hz * gy) + n[1] * (hz * gx - hx * gz) + n[2] * (hx * gy - hy * gx)
             )
             part += GAUSS_WEIGHTS[g] * num / (hx * hx + hy * hy + hz * hz + 1e-100)
         total += 2.0 * half * part
@@ -303,7 +301,9 @@ def contour_factor(s, n, eps, rounding):
         load_edge(s, k, c)
         size = 0.0
         for i in range(1, 4):
-            size = max(size, abs(c[i, 0] - c[0, 0]) + abs(c[i, 1] - c[0, 1]) + abs(c[i, 2] - c[0, 2]))
+            size = max(
+                size, abs(c[i, 0] - c[0, 0]) + abs(c[i, 1] - c[0, 1]) + abs(c[i, 2] - c[0, 2])
+            )
         scale = abs(c[0, 0]) + abs(c[0, 1]) + abs(c[0, 2])
         if size <= 1e-15 * scale:
             continue  # collapsed edge (a pole): no length, no light

@@ -61,8 +61,18 @@ def surface(s, u, v, h, hu, hv):
     ru, rv = 1.0 - u, 1.0 - v
     bu0, bu1, bu2, bu3 = ru * ru * ru, 3.0 * u * ru * ru, 3.0 * u * u * ru, u * u * u
     bv0, bv1, bv2, bv3 = rv * rv * rv, 3.0 * v * rv * rv, 3.0 * v * v * rv, v * v * v
-    du0, du1, du2, du3 = -3.0 * ru * ru, 3.0 * ru * (ru - 2.0 * u), 3.0 * u * (2.0 * ru - u), 3.0 * u * u
-    dv0, dv1, dv2, dv3 = -3.0 * rv * rv, 3.0 * rv * (rv - 2.0 * v), 3.0 * v * (2.0 * rv - v), 3.0 * v * v
+    du0, du1, du2, du3 = (
+        -3.0 * ru * ru,
+        3.0 * ru * (ru - 2.0 * u),
+        3.0 * u * (2.0 * ru - u),
+        3.0 * u * u,
+    )
+    dv0, dv1, dv2, dv3 = (
+        -3.0 * rv * rv,
+        3.0 * rv * (rv - 2.0 * v),
+        3.0 * v * (2.0 * rv - v),
+        3.0 * v * v,
+    )
     for k in range(3):
         r0 = bv0 * s[0, 0, k] + bv1 * s[0, 1, k] + bv2 * s[0, 2, k] + bv3 * s[0, 3, k]
         r1 = bv0 * s[1, 0, k] + bv1 * s[1, 1, k] + bv2 * s[1, 2, k] + bv3 * s[1, 3, k]

@@ -26,7 +26,6 @@ import numpy as np
 
 from .patch_factor import (
     ALWAYS_FRONT,
-    PLANAR,
     facing_of,
     halve_u,
     halve_v,
@@ -42,7 +41,7 @@ from .sky_luminance import sky_luminance
 NO_BLOCKER, FRONT, BACK, MIXED = 0, 1, 2, 3
 _STACK = 64
 #: Cells looked at for one pair before the rest is sampled at the size it has.
-MAX_CELLS = 20000
+MAX_CELLS = 200000
 #: Points this close to a side plane, relative to their size, count as outside: neighbours touch.
 _TOUCH = 1e-11
 
@@ -212,9 +211,7 @@ def make_pyramid(s, planes):
         my = p[2] * q[0] - p[0] * q[2]
         mz = p[0] * q[1] - p[1] * q[0]
         length = math.sqrt(mx * mx + my * my + mz * mz)
-        ends = math.sqrt(
-            (p[0] ** 2 + p[1] ** 2 + p[2] ** 2) * (q[0] ** 2 + q[1] ** 2 + q[2] ** 2)
-        )
+        ends = math.sqrt((p[0] ** 2 + p[1] ** 2 + p[2] ** 2) * (q[0] ** 2 + q[1] ** 2 + q[2] ** 2))
         if length <= 1e-12 * ends:
             # A collapsed side bounds nothing: a plane that is never separating.
             planes[k, 0], planes[k, 1], planes[k, 2] = 0.0, 0.0, 0.0
@@ -380,7 +377,7 @@ def _depth_of(s, cone, planes, depths, front_facing, tolerance):
 
 @nb.njit(cache=True, error_model="numpy")
 def _blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
-    """Whether any blocker listed from ``first`` to ``count`` meets the segment x + t d, 0 < t < t_max."""
+    """Whether a blocker listed from ``first`` to ``count`` meets x + t d, 0 < t < t_max."""
     length2 = dx * dx + dy * dy + dz * dz
     for m in range(first, count):
         b = listed[m]
@@ -415,27 +412,53 @@ def _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
     t_max = 1.0 - 1e-7
     if w == 0.0:
         w, t_max = 1.0, 1e300
-    return _blocked(
-        blockers, listed, first, count, x, h[0] / w, h[1] / w, h[2] / w, t_max, work
-    )
+    return _blocked(blockers, listed, first, count, x, h[0] / w, h[1] / w, h[2] / w, t_max, work)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _centre_blocked(s, x, blockers, listed, first, count, work, h, hu, hv):
-    """Whether a listed blocker hides the middle of the cell."""
-    return _point_blocked(s, 0.5, 0.5, x, blockers, listed, first, count, work, h, hu, hv)
+def _above(s, n, u, v, h, hu, hv):
+    """Height of the point (u, v) of the cell above the receiver's horizon, over its distance."""
+    surface(s, u, v, h, hu, hv)
+    size = math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
+    return (n[0] * h[0] + n[1] * h[1] + n[2] * h[2]) / max(size, 1e-300)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _visible_share(s, x, blockers, listed, count, samples, work, h, hu, hv):
-    """Share of samples x samples points of the cell that the receiver sees."""
-    seen = 0
+def _centre_blocked(s, n, x, blockers, listed, first, count, work, h, hu, hv):
+    """Whether a listed blocker hides the middle of what the horizon leaves of the cell.
+
+    Below the horizon nothing blocks, so that a point there would prove nothing: the highest of
+    5 x 5 points stands in for the middle where the middle has set.
+    """
+    bu, bv = 0.5, 0.5
+    if _above(s, n, bu, bv, h, hu, hv) <= 0.0:
+        best = -1.0
+        for i in range(5):
+            for j in range(5):
+                height = _above(s, n, 0.25 * i, 0.25 * j, h, hu, hv)
+                if height > best:
+                    best, bu, bv = height, 0.25 * i, 0.25 * j
+        # A little inwards: the rim belongs to the neighbours too.
+        bu, bv = 0.5 + 0.9 * (bu - 0.5), 0.5 + 0.9 * (bv - 0.5)
+    return _point_blocked(s, bu, bv, x, blockers, listed, first, count, work, h, hu, hv)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _visible_share(s, n, x, blockers, listed, count, samples, work, h, hu, hv):
+    """Share of the points above the horizon, of samples x samples, that the receiver sees."""
+    seen = up = 0
     for i in range(samples):
         for j in range(samples):
             u, v = (i + 0.5) / samples, (j + 0.5) / samples
+            if _above(s, n, u, v, h, hu, hv) <= 0.0:
+                continue
+            up += 1
             if not _point_blocked(s, u, v, x, blockers, listed, 0, count, work, h, hu, hv):
                 seen += 1
-    return seen / (samples * samples)
+    if up == 0:
+        blocked = _centre_blocked(s, n, x, blockers, listed, 0, count, work, h, hu, hv)
+        return 0.0 if blocked else 1.0
+    return seen / up
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -556,7 +579,9 @@ def visible_factor(
             if ok and (b < 0 or blockers.solid[b] != run_solid):
                 # A solid without shadow edge in the pyramid covers the cell or leaves it free.
                 if run_clean and count > run_start:
-                    if _centre_blocked(cell, x, blockers, mine, run_start, count, work, h, hu, hv):
+                    if _centre_blocked(
+                        cell, n, x, blockers, mine, run_start, count, work, h, hu, hv
+                    ):
                         dark = True
                         break
                     count = run_start
@@ -568,9 +593,7 @@ def visible_factor(
                 if outside_pyramid(planes, shifted[b]):
                     continue
                 if not at_infinity:
-                    order = _depth_of(
-                        shifted[b], cone, planes, depths, facing > 0, tolerance
-                    )
+                    order = _depth_of(shifted[b], cone, planes, depths, facing > 0, tolerance)
                     if order > 0:
                         continue
                     if order == 0 and blockers.solid[b] != solid:
@@ -606,8 +629,10 @@ def visible_factor(
             + h[2] * (hu[0] * hv[1] - hu[1] * hv[0])
         )
         reach = math.sqrt(r2)
-        estimate = det / (math.pi * r2 * r2) * max(
-            n[0] * h[0] + n[1] * h[1] + n[2] * h[2], 0.1 * reach if ok else reach
+        estimate = (
+            det
+            / (math.pi * r2 * r2)
+            * max(n[0] * h[0] + n[1] * h[1] + n[2] * h[2], 0.1 * reach if ok else reach)
         )
         if (
             (ok and estimate < cell_eps)
@@ -621,7 +646,7 @@ def visible_factor(
                 samples = 2 if value > 0.125 * cell_eps else 1
                 if not lit:
                     share = _visible_share(
-                        cell, x, blockers, mine, count, samples, work, h, hu, hv
+                        cell, n, x, blockers, mine, count, samples, work, h, hu, hv
                     )
                 out[3] += value * share
                 if tone.size:

@@ -110,11 +110,7 @@ def _row(
         if own_patch >= 0 and flags & (PLANAR | CONVEX) and patch == own_patch:
             counters[SKIPPED_FACING] += size
             continue
-        if (
-            own_patch >= 0
-            and blockers.bulging[solid]
-            and blockers.solid[own_patch] == solid
-        ):
+        if own_patch >= 0 and blockers.bulging[solid] and blockers.solid[own_patch] == solid:
             counters[SKIPPED_FACING] += size
             continue
         shift_net(sources.group_nets[g], x, s)
@@ -169,8 +165,8 @@ def _row(
                 counters[UNOCCLUDED] += 1
                 continue
             visible_factor(
-                s, x, n, sources.cones[j], front, solid, digits, sources.cell_eps[j], rounding, plain,
-                blockers, near, k, scratch, found,
+                s, x, n, sources.cones[j], front, solid, digits, sources.cell_eps[j], rounding,
+                plain, blockers, near, k, scratch, found,
             )  # fmt: skip
             factors[j] += weight * found[0]
             variances[j] += weight * weight * found[1]

@@ -25,8 +25,7 @@ def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
 def check_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...]) -> None:
     """Raise `InputError` unless ``array`` has ``shape`` (None matches any length)."""
     ok = array.ndim == len(shape) and all(
-        wanted is None or wanted == found
-        for wanted, found in zip(shape, array.shape, strict=False)
+        wanted is None or wanted == found for wanted, found in zip(shape, array.shape, strict=False)
     )
     if not ok:
         text = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ")"

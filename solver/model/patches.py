@@ -192,9 +192,7 @@ class PatchSet:
             bezier.sub_net(nets, u, u + 0.5, v, v + 0.5) for u in (0.0, 0.5) for v in (0.0, 0.5)
         ]
         order = np.tile(np.arange(len(self)), 4)
-        return PatchSet(
-            np.concatenate(quarters), self.face_index[order], self.part_index[order]
-        )
+        return PatchSet(np.concatenate(quarters), self.face_index[order], self.part_index[order])
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> FloatArray:
         """Points (p, ..., 3) of every patch at parameters u, v (...,). [m]"""

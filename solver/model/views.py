@@ -138,8 +138,10 @@ class Camera:
             )
         else:
             azimuth, altitude = half * x, half * y
-            d = np.cos(altitude)[..., None] * (
-                np.cos(azimuth)[..., None] * forward + np.sin(azimuth)[..., None] * right
-            ) + np.sin(altitude)[..., None] * up
+            d = (
+                np.cos(altitude)[..., None]
+                * (np.cos(azimuth)[..., None] * forward + np.sin(azimuth)[..., None] * right)
+                + np.sin(altitude)[..., None] * up
+            )
         d = d / np.linalg.norm(d, axis=-1, keepdims=True)
         return np.ascontiguousarray(origins), np.ascontiguousarray(d)

@@ -1,0 +1,300 @@
+"""Light on one mesh: form factors, direct light, interreflection, and the gather at sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .budget import Budget
+from .containment import Containment
+from .dome import dome_cells, gather, sun_cells
+from .exchange import Rows, close_rows, form_factor_matrix, make_sources
+from .kernels.pyramid import Blockers
+from .kernels.rows import Sources
+from .mesh import make_elements
+from .model.arrays import FloatArray
+from .model.elements import Elements
+from .model.result import luminous
+from .model.scene import SceneData
+from .model.sky import CIESky
+from .model.views import Sensors
+from .radiosity import solve_radiosity
+from .skies import ground_luminance, sun_luminance
+from .spectra import cct_to_rgb
+from .stages import Stages
+from .surfaces import Receivers, Surfaces
+
+#: Distance above a surface at which it is asked whether something lies on it, relative to the
+#: scene's size.
+CONTACT = 1e-5
+#: Elements smaller than this share of the aimed size get a single node.
+SMALL = 0.35
+
+
+@dataclass(eq=False)
+class Light:
+    """Direct irradiance by group (m, b) and the variance (m,) of what was sampled."""
+
+    direct: dict[str, FloatArray]
+    variance: FloatArray
+    outside: FloatArray  # (m,) form factor of sky and ground together
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gathered:
+    """Light on some receivers; row i of every array is the same receiver.
+
+    Attributes
+    ----------
+    components : dict of (m, b) arrays
+        ``"<group>.direct"`` and ``"<group>.indirect"``. [lx]
+    deviation : (m,) array
+        Standard deviation of what was sampled. [lx]
+    """
+
+    components: dict[str, FloatArray]
+    deviation: FloatArray
+
+    def luminous(self, kind: str = "") -> FloatArray:
+        """Illuminance (m,), of one kind (``"direct"``, ``"indirect"``) or in all. [lx]"""
+        parts = [luminous(v) for name, v in self.components.items() if name.endswith(kind)]
+        return np.asarray(sum(parts, np.zeros(len(self.deviation))))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Field:
+    """A scene solved on one mesh.
+
+    Attributes
+    ----------
+    surfaces : Surfaces
+        The elements and their optical state.
+    sources : Sources
+        The elements as the kernels see them.
+    factors : (n, n) array
+        Form factors.
+    row_sums : (n,) array
+        Their raw sums, before any correction.
+    sees_out : bool
+        Whether light can leave the scene.
+    light : Gathered
+        Light on the elements.
+    reflected : dict of (n, b) arrays
+        Reflected exitance by light group. [lm/m²]
+    """
+
+    surfaces: Surfaces
+    sources: Sources
+    factors: FloatArray
+    row_sums: FloatArray
+    sees_out: bool
+    light: Gathered
+    reflected: dict[str, FloatArray]
+
+    @property
+    def all_reflected(self) -> FloatArray:
+        """Reflected exitance (n, b) of all groups. [lm/m²]"""
+        return np.asarray(sum(self.reflected.values(), np.zeros_like(self.surfaces.emitted)))
+
+    @property
+    def exitance(self) -> FloatArray:
+        """Emitted and reflected exitance (n, b). [lm/m²]"""
+        return np.asarray(self.surfaces.emitted + self.all_reflected)
+
+
+class FieldSolver:
+    """Solves a scene on meshes of different size.
+
+    Parameters
+    ----------
+    scene : SceneData
+        What to solve.
+    blockers : Blockers
+        Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    stages : Stages
+        Receives times, counters and reasons.
+    """
+
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        self.bands = 1 if scene.is_grey else 3
+        self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
+
+    def solve(self, budget: Budget, *, name: str | None = None) -> Field:
+        """Solve on the mesh of ``budget``; one stage of that ``name``, or several of their own."""
+        with self.stages.run(name or "elements"):
+            elements = self._elements(budget)
+            surfaces = Surfaces.of(self.scene, elements, self.bands)
+            sources = self._sources(budget, surfaces)
+        receivers = Receivers.of_elements(elements)
+        with self.stages.run(name or "form factors") as tell:
+            rows = self._rows(budget, receivers, sources, tell)
+        row_sums = rows.factors.sum(axis=1)
+        lit = surfaces.areas > 0.0
+        sees_out = self._sees_out(row_sums[lit], rows.variances[lit])
+        light = Light({}, np.zeros(len(elements)), np.zeros(len(elements)))
+        self._add_dome(light, receivers, budget, budget.dome_cell_eps, sees_out, name)
+        rows = self._closed(rows, light, sees_out)
+        self._add_lamps(light, rows, surfaces)
+        with self.stages.run(name or "radiosity"):
+            reflected, products = solve_radiosity(rows.factors, surfaces.reflectance, light.direct)
+        self.stages.count({"matrix_products": products})
+        gathered = self._gathered(light, rows, surfaces, reflected)
+        return Field(surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected)
+
+    def gather(self, grid: Sensors, budget: Budget, field: Field) -> Gathered:
+        """Direct light at the sensors themselves, indirect light from the elements."""
+        receivers = Receivers.of_sensors(grid)
+        with self.stages.run("sensors") as tell:
+            rows = self._rows(budget, receivers, field.sources, tell)
+        light = Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
+        self._add_dome(light, receivers, budget, budget.sensor_dome_cell_eps, field.sees_out, None)
+        rows = self._closed(rows, light, field.sees_out)
+        self._add_lamps(light, rows, field.surfaces)
+        return self._gathered(light, rows, field.surfaces, field.reflected)
+
+    def gather_indirect(self, grid: Sensors, budget: Budget, field: Field) -> FloatArray:
+        """Indirect illuminance (m,) alone, for comparing meshes. [lx]"""
+        with self.stages.run("mesh check") as tell:
+            rows = self._rows(budget, Receivers.of_sensors(grid), field.sources, tell)
+        return luminous(rows.factors @ field.all_reflected)
+
+    def _gathered(
+        self, light: Light, rows: Rows, surfaces: Surfaces, reflected: dict[str, FloatArray]
+    ) -> Gathered:
+        components = {}
+        exitance = surfaces.emitted.copy()
+        for group, direct in light.direct.items():
+            components[f"{group}.direct"] = direct
+            components[f"{group}.indirect"] = rows.factors @ reflected[group]
+            exitance += reflected[group]
+        sampled = rows.variances @ luminous(exitance) ** 2 + light.variance
+        return Gathered(components, np.sqrt(sampled))
+
+    def _elements(self, budget: Budget) -> Elements:
+        scene = self.scene
+        elements = make_elements(
+            scene.patches,
+            scene.two_sided,
+            budget.divisions,
+            nodes=budget.nodes,
+            small=(SMALL * budget.size) ** 2,
+        )
+        low, high = scene.patches.bounds()
+        distance = CONTACT * float(np.linalg.norm(high - low))
+        buried = Containment(scene).buried(
+            elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3), distance
+        )
+        return replace(elements, buried=buried.reshape(elements.weights.shape))
+
+    def _sources(self, budget: Budget, surfaces: Surfaces) -> Sources:
+        """Elements as sources; the brighter one is, the finer its partly hidden cells are cut."""
+        emitted = luminous(surfaces.emitted)
+        mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
+        cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
+        cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
+        cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
+        return make_sources(surfaces.elements, self.scene.patches.control_points, cell_eps)
+
+    def _rows(
+        self,
+        budget: Budget,
+        receivers: Receivers,
+        sources: Sources,
+        tell: Callable[[int, int], None],
+    ) -> Rows:
+        rows = form_factor_matrix(
+            receivers.nodes,
+            receivers.normals,
+            receivers.weights,
+            receivers.patches,
+            sources,
+            self.blockers,
+            eps=budget.eps,
+            trace=self.trace,
+            progress=tell,
+        )
+        self.stages.count(rows.counters)
+        return rows
+
+    def _sees_out(self, row_sums: FloatArray, variances: np.ndarray) -> bool:
+        """Whether light may leave the scene anywhere, beyond what sampling explains."""
+        missing = 1.0 - row_sums
+        noise = 3.0 * np.sqrt(variances.sum(axis=1, dtype=np.float64)) + 1e-4
+        return bool((missing > noise).any())
+
+    def _add_lamps(self, light: Light, rows: Rows, surfaces: Surfaces) -> None:
+        """Put the direct light of the luminaires before that of sky, sun and ground."""
+        lamps = {
+            group: rows.factors @ surfaces.emitted_by(self.scene, group)
+            for group in self.lamp_groups
+        }
+        light.direct = {**lamps, **light.direct}
+
+    def _closed(self, rows: Rows, light: Light, sees_out: bool) -> Rows:
+        """Rows whose sampling error is corrected by what all directions together must give.
+
+        Needs the total: 1 when nothing sees out, else 1 less what is seen of sky and ground. Backs
+        of one-sided patches count nowhere, so that scenes with such patches are left alone.
+        """
+        scene = self.scene
+        whole = bool((scene.closed | scene.two_sided).all())
+        both = {"sky", "ground"} <= set(light.direct)
+        if not whole or (sees_out and not both) or "visibility" in self.stages.skipped:
+            return rows
+        closed, count = close_rows(rows, 1.0 - light.outside if sees_out else 1.0)
+        self.stages.count({"rows_closed": count})
+        return closed
+
+    def _add_dome(
+        self,
+        light: Light,
+        receivers: Receivers,
+        budget: Budget,
+        eps: float,
+        sees_out: bool,
+        stage: str | None,
+    ) -> None:
+        """Add the direct light of sky, sun and ground."""
+        scene, stages, trace = self.scene, self.stages, self.trace
+        jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
+        if scene.sky is not None:
+            jobs.append(("sky", dome_cells(0.0, 90.0), scene.sky, eps, scene.sky.cct_k))
+        if scene.sun is not None:
+            level, cells = sun_luminance(scene.sun), sun_cells(scene.sun)
+            disc = np.sin(np.radians(scene.sun.angular_radius_arcmin / 60.0)) ** 2
+            jobs.append(("sun", cells, level, budget.sun_cell_eps * disc, scene.sun.cct_k))
+        level = ground_luminance(scene.ground, scene.sky, scene.sun)
+        if level > 0.0:
+            cct = scene.sky.cct_k if scene.sky is not None else 5500.0
+            jobs.append(("ground", dome_cells(-90.0, 0.0), level, eps, cct))
+        for name, cells, luminance, cell_eps, cct in jobs:
+            if not sees_out and trace:
+                stages.skipped[name] = "nothing sees out of the scene"
+                light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
+                continue
+            with stages.run(stage or name) as tell:
+                found = gather(
+                    receivers.nodes,
+                    receivers.normals,
+                    receivers.weights,
+                    cells,
+                    luminance,
+                    self.blockers,
+                    eps=budget.eps,
+                    cell_eps=cell_eps,
+                    trace=trace,
+                    progress=tell,
+                )
+            stages.count(found.counters)
+            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
+            light.direct[name] = found.illuminance[:, None] * color
+            light.variance += found.deviation**2
+            if name != "sun":
+                light.outside += found.factor

@@ -1,0 +1,27 @@
+"""Comparison of one scene solved on two meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .field import Field
+from .model.arrays import FloatArray
+
+
+def element_shift(field: Field, coarse: Field) -> FloatArray:
+    """Change (n,) of the mean illuminance over the coarse element that holds each fine one. [lx]"""
+    fine, large = field.surfaces.elements, coarse.surfaces.elements
+    fine_key, large_key = fine.patch_index * 2 + fine.side, large.patch_index * 2 + large.side
+    first = np.searchsorted(large_key, fine_key)
+    last = np.searchsorted(large_key, fine_key, side="right")
+    center = 0.5 * (fine.boxes[:, ::2] + fine.boxes[:, 1::2])
+    parent = np.empty(len(fine), dtype=np.int64)
+    for k, (u, v) in enumerate(center):
+        box = large.boxes[first[k] : last[k]]
+        inside = (box[:, 0] <= u) & (u <= box[:, 1]) & (box[:, 2] <= v) & (v <= box[:, 3])
+        parent[k] = first[k] + int(np.argmax(inside))
+    areas, values = field.surfaces.areas, field.light.luminous()
+    total = np.bincount(parent, weights=areas, minlength=len(large))
+    flux = np.bincount(parent, weights=areas * values, minlength=len(large))
+    mean = flux / np.where(total > 0.0, total, 1.0)
+    return np.asarray(np.abs(mean - coarse.light.luminous())[parent])

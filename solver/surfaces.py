@@ -1,0 +1,67 @@
+"""What gathers light and what sends it back: receivers, and the optical state of elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .model.arrays import FloatArray, IntArray
+from .model.elements import Elements
+from .model.scene import BLACK, SceneData
+from .model.views import Sensors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Receivers:
+    """Nodes (m, q, 3) and normals, their shares (m, q), and the patch (m,) each lies on."""
+
+    nodes: FloatArray
+    normals: FloatArray
+    weights: FloatArray
+    patches: IntArray
+
+    @classmethod
+    def of_elements(cls, elements: Elements) -> Receivers:
+        share = np.where(elements.buried, 0.0, elements.weights)
+        total = share.sum(axis=1)
+        share = share / np.where(total > 0.0, total, 1.0)[:, None]
+        return cls(elements.nodes, elements.normals, share, elements.patch_index)
+
+    @classmethod
+    def of_sensors(cls, grid: Sensors) -> Receivers:
+        ones = np.ones((len(grid), 1))
+        nowhere = np.full(len(grid), -1)
+        return cls(grid.points[:, None], grid.normals[:, None], ones, nowhere)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surfaces:
+    """Optical state of the elements; row i of every array is the same element."""
+
+    elements: Elements
+    areas: FloatArray  # (n,) without the buried share [m²]
+    reflectance: FloatArray  # (n, b)
+    emitted: FloatArray  # (n, b) [lm/m²]
+    material: IntArray  # (n,) row of the scene's materials
+    lamp: IntArray  # (n,) row of the scene's luminaires
+
+    @classmethod
+    def of(cls, scene: SceneData, elements: Elements, bands: int) -> Surfaces:
+        where = (elements.patch_index, elements.side)
+        material, lamp = scene.material_index[where], scene.luminaire_index[where]
+        rho = np.zeros((len(elements), bands))
+        for row, m in enumerate(scene.materials):
+            rho[material == row] = m.bands[:bands]
+        emitted = np.zeros_like(rho)
+        for row, luminaire in enumerate(scene.luminaires):
+            color = np.ones(1) if bands == 1 else np.asarray(luminaire.color)
+            emitted[lamp == row] = luminaire.exitance_lm_m2 * color
+        rho[material == BLACK] = 0.0
+        areas = np.where(elements.buried, 0.0, elements.weights).sum(axis=1)
+        return cls(elements, areas, rho, emitted, material, lamp)
+
+    def emitted_by(self, scene: SceneData, group: str) -> FloatArray:
+        """Emitted exitance (n, b) of one light group. [lm/m²]"""
+        rows = [k for k, lamp in enumerate(scene.luminaires) if lamp.group == group]
+        return np.where(np.isin(self.lamp, rows)[:, None], self.emitted, 0.0)
