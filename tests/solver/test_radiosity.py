@@ -1,0 +1,183 @@
+"""Interreflection: furnaces, two-surface enclosures, and what has no solution."""
+
+import numpy as np
+import pytest
+from patchlight.solver.errors import NumericsError
+from patchlight.solver.model import PatchSet
+from patchlight.solver.radiosity import check_absorbs, coarse_exitance, solve_radiosity
+from patchlight.solver.simulation import solve
+
+from .fixtures_light import Body, ceiling, grid, scene, setup
+
+BOX = Body(PatchSet.box((4, 5, 2.7), inward=True))
+SPHERE = Body(PatchSet.sphere((0, 0, 0), 1.0, inward=True))
+
+
+def furnace(body, rho, exitance=100.0, **more):
+    """A closed cavity whose whole wall shines: E / (1 − ρ) everywhere."""
+    return scene(setup(body), rho=rho, lamps=[(0, "wall", exitance)], **more)
+
+
+@pytest.mark.parametrize("body", [BOX, SPHERE], ids=["box", "sphere"])
+def test_furnace(body):
+    result = solve(furnace(body, 0.5), accuracy=0.05)
+    # Row sums of convex cavities are 1 to the accuracy of the contour, 5e-4 of 0.05.
+    np.testing.assert_allclose(result.exitance, 200.0, rtol=1e-4)
+
+
+@pytest.mark.parametrize("rho", [0.2, 0.5, 0.8, 0.95])
+def test_sphere_cavity(rho):
+    """All points of a sphere see all others alike: the mean is exact for any light in it."""
+    result = solve(furnace(SPHERE, rho), accuracy=0.02)
+    np.testing.assert_allclose(result.exitance, 100.0 / (1 - rho), rtol=1e-3)
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.9])
+def test_sphere_with_one_lit_octant_has_a_uniform_indirect_part(rho):
+    """E_indirect = ρ E_direct-mean / (1 − ρ) everywhere, E_direct = M / 8 everywhere."""
+    parts = setup(SPHERE)
+    parts = type(parts)(parts.patches, parts.closed, np.array([1, 0, 0, 0, 0, 0, 0, 0]))
+    result = solve(scene(parts, rho=rho, lamps=[(1, "lamp", 800.0)]), accuracy=0.05)
+    direct, indirect = result.components["lamp.direct"], result.components["lamp.indirect"]
+    np.testing.assert_allclose(direct, 100.0, rtol=1e-3)
+    np.testing.assert_allclose(indirect, 100.0 * rho / (1 - rho), rtol=1e-3)
+
+
+def test_coloured_furnace_is_solved_band_by_band():
+    rho = (0.8, 0.5, 0.1)
+    result = solve(furnace(BOX, rho), accuracy=0.1)
+    assert result.exitance.shape[1] == 3
+    for band, r in enumerate(rho):
+        np.testing.assert_allclose(result.exitance[:, band], 100.0 / (1 - r), rtol=1e-3)
+
+
+def test_two_concentric_spheres():
+    """Two-surface enclosure: the outer one shines, F21 = (r1/r2)², both reflect.
+
+    With B1 = ρ1 B2 and B2 = M + ρ2 (F21 B1 + F22 B2), B2 is M / (1 − ρ2 (F21 ρ1 + F22)).
+    """
+    inner, outer = Body(PatchSet.sphere((0, 0, 0), 0.5)), SPHERE
+    f21 = 0.25
+    result = solve(
+        scene(setup(inner, outer), materials=[0.7, 0.4], lamps=[(1, "lamp", 100.0)]), accuracy=0.05
+    )
+    b2 = 100.0 / (1 - 0.4 * (f21 * 0.7 + 1 - f21))
+    part = result.surfaces["part1"]
+    mean = np.average(part.exitance_lm_m2, weights=part.area_m2)
+    assert mean == pytest.approx(b2, rel=2e-3)
+    part = result.surfaces["part0"]
+    assert np.average(part.exitance_lm_m2, weights=part.area_m2) == pytest.approx(
+        0.7 * b2, rel=2e-3
+    )
+
+
+def test_direct_and_indirect_add_up():
+    lamp = ceiling(-0.5, 0.5, -0.5, 0.5, 1.3)
+    sensors = grid("plane", [(0, 0, 0), (1.5, 2.0, -0.5), (-1.2, 0.3, 0.9)])
+    result = solve(
+        scene(setup(BOX, lamp), rho=0.5, lamps=[(1, "lamp", 3000.0)], sensors=[sensors]),
+        accuracy=0.1,
+    )
+    plane = result.sensors["plane"]
+    assert set(plane.components) == {"lamp.direct", "lamp.indirect"}
+    np.testing.assert_allclose(sum(plane.components.values()), plane.illuminance_lx, rtol=1e-12)
+    total = result.exitance[:, 0]
+    lit = result.components["lamp.direct"] + result.components["lamp.indirect"]
+    emitted = np.where(result.elements.patch_index == 6, 3000.0, 0.0)
+    # GMRES leaves 1e-9 of the source.
+    np.testing.assert_allclose(total, emitted + 0.5 * lit[:, 0], rtol=1e-6)
+
+
+def test_balance_closes():
+    """Reciprocity of the form factors is not built in; its failure is the residual."""
+    lamp = ceiling(-0.5, 0.5, -0.5, 0.5, 1.3)
+    result = solve(scene(setup(BOX, lamp), lamps=[(1, "lamp", 3000.0)]), accuracy=0.05)
+    assert result.balance.emitted_lm == pytest.approx(3000.0, rel=1e-9)
+    assert abs(result.balance.residual_fraction) < 1e-3
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="a lamp 0.3 m below the ceiling is nearer than the elements are wide: nodes above it "
+    "stand for too much of the ceiling and 3 % of the flux appear from nowhere",
+)
+def test_balance_closes_close_to_a_lamp():
+    lamp = Body(PatchSet.box((1.2, 0.6, 0.1), center=(0, 0, 1.05)))
+    result = solve(scene(setup(BOX, lamp), lamps=[(1, "lamp", 1000.0)]), accuracy=0.03)
+    assert abs(result.balance.residual_fraction) < 1e-3
+
+
+def test_nothing_absorbs():
+    with pytest.raises(NumericsError, match="no surface absorbs"):
+        solve(furnace(BOX, 1.0), accuracy=0.2)
+
+
+def test_open_scenes_may_reflect_everything():
+    plate = ceiling(-1, 1, -1, 1, 2.0)
+    floor = ceiling(-1, 1, -1, 1, 0.0).flipped()
+    result = solve(scene(setup(plate, floor), rho=1.0, lamps=[(0, "lamp", 100.0)]), accuracy=0.2)
+    assert np.isfinite(result.exitance).all()
+    assert result.balance.escaped_lm == pytest.approx(400.0, rel=0.02)
+
+
+def test_disconnected_rooms_do_not_touch():
+    rooms = [Body(PatchSet.box((2, 2, 2), center=(x, 0, 0), inward=True)) for x in (-3.0, 3.0)]
+    result = solve(
+        scene(setup(*rooms), materials=[0.5, 0.8], lamps=[(0, "left", 100.0), (1, "right", 10.0)]),
+        accuracy=0.2,
+    )
+    np.testing.assert_allclose(result.surfaces["part0"].exitance_lm_m2, 200.0, rtol=1e-3)
+    np.testing.assert_allclose(result.surfaces["part1"].exitance_lm_m2, 50.0, rtol=1e-3)
+
+
+def test_system_by_hand():
+    """Two plates that see half of each other: B1 = ρ E + ρ B2 / 2 and so on."""
+    factors = np.array([[0.0, 0.5], [0.5, 0.0]])
+    rho = np.array([[0.6], [0.2]])
+    out, products = solve_radiosity(factors, rho, {"a": np.array([[10.0], [0.0]])})
+    b1 = 6.0 / (1 - 0.25 * 0.12)
+    np.testing.assert_allclose(out["a"][:, 0], [b1, 0.1 * b1], rtol=1e-9)
+    assert products > 0
+
+
+def test_black_receivers_need_no_products():
+    out, products = solve_radiosity(np.ones((3, 3)) / 3, np.zeros((3, 1)), {"a": np.ones((3, 1))})
+    assert products == 0
+    assert not out["a"].any()
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.99, 0.999])
+def test_closed_matrix(rho):
+    factors = np.full((50, 50), 1 / 50)
+    out, _ = solve_radiosity(factors, np.full((50, 1), rho), {"a": np.ones((50, 1))})
+    np.testing.assert_allclose(out["a"], rho / (1 - rho), rtol=1e-6)
+
+
+def test_share_sent_on():
+    factors = np.array([[0.2, 0.7], [0.4, 0.5]])
+    assert check_absorbs(factors, np.array([[0.5], [0.9]])) == pytest.approx(0.81)
+    with pytest.raises(NumericsError, match="reflectance 1 everywhere"):
+        check_absorbs(np.array([[0.5, 0.5], [0.5, 0.5]]), np.ones((2, 1)))
+
+
+def test_merged_elements_of_a_furnace_change_nothing():
+    factors = np.full((4, 4), 0.25)
+    ones = np.ones((4, 1))
+    coarse = coarse_exitance(
+        factors,
+        np.array([0, 0, 1, 1]),
+        np.array([1.0, 3.0, 2.0, 2.0]),
+        0.5 * ones,
+        10 * ones,
+        10 * ones,
+    )
+    np.testing.assert_allclose(coarse, 20.0, rtol=1e-12)
+
+
+def test_cavity_at_high_reflectance_keeps_its_digits():
+    """ρ = 0.99 amplifies a row's error by 99."""
+    result = solve(furnace(SPHERE, 0.99), accuracy=0.02)
+    # Form factors are asked to a hundredth of the accuracy; most rows are right to 1e-5.
+    np.testing.assert_allclose(result.row_sums, 1.0, atol=2e-4)
+    assert np.average(result.exitance[:, 0]) == pytest.approx(1e4, rel=2e-3)
+    assert abs(result.balance.escaped_lm) <= 2e-3 * result.balance.emitted_lm
