@@ -13,8 +13,8 @@ from .model.scene import SceneData
 
 #: Elements beyond which the mesh is made coarser instead: the dense matrix takes 12 bytes a pair.
 MAX_ELEMENTS = 4000
-#: Elements up to which each gets 2 x 2 nodes; above it one.
-MAX_FOUR_NODES = 2500
+#: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
+NODES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +70,8 @@ class Budget:
         return cls._with_size(scene, accuracy, min(max(size, middle / 24.0), 0.6 * middle))
 
     def coarser(self, scene: SceneData) -> Budget:
-        """The same with elements twice as large and looser sampling, to see what that changes."""
-        return self._with_size(scene, 2.0 * self.accuracy, 2.0 * self.size)
+        """The same with elements half as large again, to see what that changes."""
+        return self._with_size(scene, self.accuracy, 1.5 * self.size)
 
     @classmethod
     def _with_size(cls, scene: SceneData, accuracy: float, size: float) -> Budget:
@@ -86,15 +86,14 @@ class Budget:
         if total > MAX_ELEMENTS:
             counts = np.ones_like(counts)
             total = int(sides.sum())
-        nodes = 2 if total <= MAX_FOUR_NODES else 1
         sensors = sum(len(grid) for grid in scene.sensors)
         return cls(
             accuracy=accuracy,
             size=size,
             divisions=counts,
             elements=total,
-            receivers=total * nodes * nodes + sensors,
-            nodes=nodes,
+            receivers=total * NODES**2 + sensors,
+            nodes=NODES,
             eps=min(max(1e-2 * accuracy, 1e-8), 1e-3),
             cell_eps=0.2 * accuracy,
             lamp_cell_eps=2e-3 * accuracy,
@@ -121,13 +120,14 @@ class Budget:
     def seconds(self, scene: SceneData) -> float:
         """Rough wall-clock time on two cores. [s]
 
-        From runs on furnished rooms and machine parts: about 1 µs a pair, growing with the number
-        of patches that may hide something, and a few ms a node that may see the sky.
+        From runs on a furnished room and machine parts (0.05 to 0.01): 4 µs a pair of node and
+        element, growing with the number of patches that may hide something, and 1 ms a node that
+        may see the sky; half as much again for the comparison with a coarser mesh.
         """
         pairs = float(self.receivers) * self.elements
-        clutter = 1.0 + len(scene.patches) / 300.0
-        time = 1.0 + 0.7e-6 * pairs * clutter
+        clutter = 1.0 + len(scene.patches) / 500.0
+        time = 1.0 + 2e-6 * pairs * clutter
         if scene.sky is not None:
-            time += 0.5e-3 * self.receivers * clutter
+            time += 1e-3 * self.receivers * clutter
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
         return time + 6e-6 * pixels

@@ -30,7 +30,7 @@ from .surfaces import Receivers, Surfaces
 #: scene's size.
 CONTACT = 1e-5
 #: Elements smaller than this share of the aimed size get a single node.
-SMALL = 0.35
+SMALL = 0.2
 
 
 @dataclass(eq=False)
