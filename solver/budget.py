@@ -98,7 +98,7 @@ class Budget:
             cell_eps=0.2 * accuracy,
             lamp_cell_eps=2e-3 * accuracy,
             dome_cell_eps=0.1 * accuracy,
-            sensor_dome_cell_eps=5e-3 * accuracy,
+            sensor_dome_cell_eps=2e-3 * accuracy,
             sun_cell_eps=5e-2 * accuracy,
         )
 

@@ -29,6 +29,8 @@ from .surfaces import Receivers, Surfaces
 #: Distance above a surface at which it is asked whether something lies on it, relative to the
 #: scene's size.
 CONTACT = 1e-5
+#: Size of sampled cells at sensors against those between surfaces.
+SENSOR_SHARE = 0.1
 #: Elements smaller than this share of the aimed size get a single node.
 SMALL = 0.2
 
@@ -151,8 +153,10 @@ class FieldSolver:
     def gather(self, grid: Sensors, budget: Budget, field: Field) -> Gathered:
         """Direct light at the sensors themselves, indirect light from the elements."""
         receivers = Receivers.of_sensors(grid)
+        # No average over nodes and bounces hides the sampling of a single sensor.
+        fine = field.sources._replace(cell_eps=field.sources.cell_eps * SENSOR_SHARE)
         with self.stages.run("sensors") as tell:
-            rows = self._rows(budget, receivers, field.sources, tell)
+            rows = self._rows(budget, receivers, fine, tell)
         light = Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
         self._add_dome(light, receivers, budget, budget.sensor_dome_cell_eps, field.sees_out, None)
         rows = self._closed(rows, light, field.sees_out)
