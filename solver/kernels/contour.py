@@ -125,6 +125,7 @@ def curve_term(c, ta, tb, n, eps):
     """
     stack = np.empty((64, 2))
     stack[0, 0], stack[0, 1] = ta, tb
+    ends = np.empty(3)
     top = 1
     total = 0.0
     log_eps = -math.log(eps)
@@ -157,6 +158,21 @@ def curve_term(c, ta, tb, n, eps):
             away = math.sqrt(mx * mx + my * my + mz * mz) / speed2 / half
             big = 0.5 * (math.hypot(foot - 1.0, away) + math.hypot(foot + 1.0, away))
             rho = big + math.sqrt(max(big * big - 1.0, 0.0))
+            # Far away the integrand's pole is where |H|, then the weight, would vanish: estimated
+            # from its slope and its bend over the interval.
+            _point(c, a, ends)
+            ga = math.sqrt(ends[0] ** 2 + ends[1] ** 2 + ends[2] ** 2)
+            _point(c, b, ends)
+            gb = math.sqrt(ends[0] ** 2 + ends[1] ** 2 + ends[2] ** 2)
+            gm = math.sqrt(hx * hx + hy * hy + hz * hz)
+            mean = 0.5 * (ga + gb)
+            slope = 0.5 * abs(gb - ga) / mean
+            bend = abs(1.0 - gm / mean)
+            if slope > 1e-3:
+                rho = min(rho, 1.0 / slope + math.sqrt(max(1.0 / (slope * slope) - 1.0, 0.0)))
+            if bend > 1e-6:
+                z2 = max(1.0 / bend - 1.0, 0.0)
+                rho = min(rho, math.sqrt(z2) + math.sqrt(z2 + 1.0))
             if rho > 1.5:
                 order = max(3, int(log_eps / (2.0 * math.log(rho))) + 2)
             else:

@@ -302,7 +302,7 @@ def _edge_outside(planes, n, rounding, s, side):
 
 @nb.njit(cache=True, error_model="numpy")
 def _one_sided_within(planes, s, rounding, parts):
-    """Whether all of blocker ``s`` that meets the pyramid is seen from one side.
+    """Side from which all of blocker ``s`` that meets the pyramid is seen; 0 when there are two.
 
     The blocker is quartered twice at most; ``parts`` (14, 4, 4, 4) is scratch.
     """
@@ -320,19 +320,19 @@ def _one_sided_within(planes, s, rounding, parts):
         facing = facing_of(parts[top], cone, rounding)
         if facing != 0:
             if seen == -facing:
-                return False
+                return 0
             seen = facing
             continue
         deep = level[top]
         if deep == 2:
-            return False
+            return 0
         halve_u(parts[top], low_u, high_u)
         halve_v(low_u, parts[top], parts[top + 1])
         halve_v(high_u, parts[top + 2], parts[top + 3])
         for k in range(4):
             level[top + k] = deep + 1
         top += 4
-    return True
+    return seen if seen != 0 else 1
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -444,12 +444,25 @@ def _centre_blocked(s, n, x, blockers, listed, first, count, work, h, hu, hv):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _visible_share(s, n, x, blockers, listed, count, samples, work, h, hu, hv):
-    """Share of the points above the horizon, of samples x samples, that the receiver sees."""
+def _scrambled(seed):
+    """Next number of a linear congruential sequence modulo 2^31."""
+    return (seed * 1103515245 + 12345) & 0x7FFFFFFF
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _visible_share(s, n, x, blockers, listed, count, samples, seed, work, h, hu, hv):
+    """Share of the points above the horizon, of samples x samples strata, that the receiver sees.
+
+    Points lie anywhere in their stratum: at fixed places the errors of all the cells along one
+    shadow edge would have one sign.
+    """
     seen = up = 0
     for i in range(samples):
         for j in range(samples):
-            u, v = (i + 0.5) / samples, (j + 0.5) / samples
+            seed = _scrambled(seed)
+            u = (i + (seed >> 8) / 8388608.0) / samples
+            seed = _scrambled(seed)
+            v = (j + (seed >> 8) / 8388608.0) / samples
             if _above(s, n, u, v, h, hu, hv) <= 0.0:
                 continue
             up += 1
@@ -573,7 +586,7 @@ def visible_factor(
         else:
             tolerance = 0.0
         dark = False
-        run_start, run_clean, run_solid = 0, True, -1
+        run_start, run_clean, run_solid, run_facing = 0, True, -1, 0
         for m in range(parent_count + 1):
             b = parent[m] if m < parent_count else -1
             if ok and (b < 0 or blockers.solid[b] != run_solid):
@@ -587,6 +600,7 @@ def visible_factor(
                     count = run_start
                 if b >= 0:
                     run_start, run_clean, run_solid = count, True, blockers.solid[b]
+                    run_facing = 0
             if b < 0:
                 break
             if ok:
@@ -602,9 +616,13 @@ def visible_factor(
             count += 1
             if not run_clean or not ok:
                 continue
-            if state[b] == MIXED and not _one_sided_within(planes, shifted[b], rounding, parts):
-                run_clean = False
-                continue
+            if state[b] == MIXED:
+                side_seen = _one_sided_within(planes, shifted[b], rounding, parts)
+                # Two neighbours seen from different sides meet at a silhouette.
+                if side_seen == 0 or side_seen * run_facing < 0:
+                    run_clean = False
+                    continue
+                run_facing = side_seen
             for side in range(4):
                 other = blockers.adjacent[b, side]
                 if other >= 0 and state[other] == state[b]:
@@ -645,15 +663,18 @@ def visible_factor(
                 share = 1.0
                 samples = 2 if value > 0.125 * cell_eps else 1
                 if not lit:
+                    # The same for every receiver, so that moving a scene changes no sample.
+                    seed = _scrambled(np.int64(out[2]) * 7919 + level)
                     share = _visible_share(
-                        cell, n, x, blockers, mine, count, samples, work, h, hu, hv
-                    )
+                        cell, n, x, blockers, mine, count, samples, seed, work,
+                        h, hu, hv,
+                    )  # fmt: skip
                 out[3] += value * share
                 if tone.size:
                     value *= _mean_luminance(cell, n, tone, h, hu, hv)
                 out[0] += value * share
                 if not lit:
-                    # Standard deviation of the share of a cell: a single sample says nothing (0.35);
+                    # Deviation of the share of a cell: a single sample says nothing (0.35);
                     # four that differ tell an edge (0.18), four alike make one unlikely (0.06).
                     spread = 0.125
                     if samples == 2:
