@@ -11,12 +11,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed, wait
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from patchlight.solver.errors import InputError, MissingFileError, PatchlightError
+from patchlight.solver.numba_cache import use_cache_folder
 
 from .output import file_hash, prepare_output
 from .runs import STEP_SUFFIXES
@@ -152,7 +153,12 @@ def run_batch(
 
     pool = ThreadPoolExecutor(workers)
     try:
-        futures = [pool.submit(work, item) for item in items]
+        futures = [pool.submit(work, item) for item in items[:1]]
+        _, warm = use_cache_folder()
+        if not warm:
+            # Else every worker would compile the same kernels at the same time.
+            wait(futures)
+        futures += [pool.submit(work, item) for item in items[1:]]
         for future in as_completed(futures):
             item = future.result()
             text = f": {item.message}" if item.message else ""
