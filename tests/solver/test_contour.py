@@ -78,15 +78,19 @@ def by_surface(net, x, n, order=48, cells=8, lit_only=True):
     return float(np.einsum("ab,a,b->", value, w, w))
 
 
-WEIGHTED_ORDER = pytest.mark.xfail(
-    strict=False,
-    reason="the order of the contour rule ignores the weights of a rational edge: asked for "
-    "1e-12 it leaves up to 1e-4",
+SPREAD_WEIGHTS = pytest.mark.xfail(
+    strict=True, reason="weights between 0.5 and 2 on one net: 2e-8 where 1e-12 was asked"
 )
 
 
-@pytest.mark.parametrize("weights", [False, pytest.param(True, marks=WEIGHTED_ORDER)])
-@pytest.mark.parametrize("seed", [0, 1, 2, 5, 6, 7])
+@pytest.mark.parametrize(
+    ("seed", "weights"),
+    [
+        *((seed, False) for seed in range(4)),
+        pytest.param(1, True, marks=SPREAD_WEIGHTS),
+        *((seed, True) for seed in (0, 2, 5, 6, 7)),
+    ],
+)
 def test_contour_is_the_surface_integral(seed, weights):
     """Stokes' theorem on nets with curved edges."""
     rng = np.random.default_rng(seed)
@@ -136,7 +140,7 @@ def test_rigid_motion_changes_nothing(angle):
 
 
 @pytest.mark.xfail(
-    strict=False, reason="heights w z are compared with a rounding that does not scale with w"
+    strict=True, reason="heights w z are compared with a rounding that does not scale with w"
 )
 def test_scaling_all_weights_changes_nothing():
     net = random_net(np.random.default_rng(7))
@@ -316,7 +320,7 @@ def test_closed_cavity_is_all_there_is(name, point, normal):
 
 
 NEAR_CURVED = pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="very near a concave wall, at a pole above all, pieces of the last quartering are "
     "larger than the distance and are dropped",
 )
@@ -338,7 +342,7 @@ def test_close_to_edges_and_corners_of_a_box(gap):
 
 
 RIM = pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="between a curved edge in the horizon and its chord more than half a turn is closed "
     "along the horizon; the angle is taken as the short way round, which is one whole too little",
 )
@@ -408,7 +412,7 @@ def test_compiled_kernels_equal_their_python_source():
         timeout=300,
         check=True,
     )
-    for (net, x, n), (contour, patch) in zip(cases, json.loads(run.stdout), strict=False):
+    for (net, x, n), (contour, patch) in zip(cases, json.loads(run.stdout), strict=True):
         # Fused multiply-adds may change the last digits of terms that cancel.
         assert signed(np.array(net), x, n, 1e-6) == pytest.approx(contour, abs=1e-12)
         assert lit(np.array(net), x, n, 1e-6) == pytest.approx(patch, abs=1e-10)

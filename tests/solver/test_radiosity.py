@@ -91,7 +91,7 @@ def test_direct_and_indirect_add_up():
 
 
 @pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="sampled rows are not reciprocal: the residual is 1.02e-3 on one of the meshes",
 )
 def test_balance_closes():
@@ -103,7 +103,7 @@ def test_balance_closes():
 
 
 @pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="a lamp 0.3 m below the ceiling is nearer than the elements are wide: nodes above it "
     "stand for too much of the ceiling and 3 % of the flux appear from nowhere",
 )
@@ -175,7 +175,7 @@ def test_cavity_at_high_reflectance_keeps_its_digits():
 
 
 @pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="rows of curved elements are 1.5e-5 too large on average, all of one sign: the order "
     "of the contour rule ignores the weights of their edges",
 )

@@ -90,16 +90,14 @@ def hits_box(size, center):
 
 LAMP = ceiling(-1.5, 1.5, -1.5, 1.5, 2.0)
 
-IN_ROWS = pytest.mark.xfail(
-    strict=False,
-    reason="an edge along the cells cuts a whole row of them alike: their sampled errors add up "
-    "instead of averaging out, to ten times the stated deviation",
+POLE = pytest.mark.xfail(
+    strict=True,
+    reason="a sphere whose pole faces the receiver casts a shadow 3e-4 too small however small "
+    "the cells are; turned about another axis it is right",
 )
-
-TOGETHER = pytest.mark.xfail(
-    strict=False,
-    reason="the stated deviation takes sampled cells as independent; in symmetric or aligned "
-    "arrangements their errors are equal and add up, to two to ten times of it",
+BOTH_RIGHT_ANGLES = pytest.mark.xfail(
+    strict=True,
+    reason="edges along both directions of the cells: 1.5e-4 at a stated deviation of 1e-5",
 )
 
 
@@ -112,7 +110,7 @@ def within_the_worst(found, expected, cell_eps):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
-@pytest.mark.parametrize("cell_eps", [1e-3, pytest.param(1e-5, marks=TOGETHER)])
+@pytest.mark.parametrize("cell_eps", [1e-3, pytest.param(1e-5, marks=POLE)])
 def test_sphere_inside_the_outline(tilt, cell_eps):
     normal = (math.sin(tilt), 0.0, math.cos(tilt))
     ball = Body(PatchSet.sphere((0, 0, 1.2), 0.3))
@@ -137,8 +135,8 @@ def test_sphere_across_the_outline(center):
     [
         ((0.5, 0.3, 0.2), (0.1, 0.0, 1.0)),
         ((0.5, 0.3, 0.2), (0.6, -0.5, 1.4)),
-        pytest.param((0.02, 5.0, 0.02), (0.2, 0.0, 1.0), marks=TOGETHER),
-        pytest.param((3.0, 3.0, 0.01), (1.6, 1.6, 1.0), marks=TOGETHER),
+        ((0.02, 5.0, 0.02), (0.2, 0.0, 1.0)),
+        pytest.param((3.0, 3.0, 0.01), (1.6, 1.6, 1.0), marks=BOTH_RIGHT_ANGLES),
     ],
 )
 def test_box_before_a_square(size, center):
@@ -166,9 +164,7 @@ def test_pole_narrower_than_any_cell(radius, closed):
     assert found < unoccluded(LAMP) - 0.5 * hidden
 
 
-@pytest.mark.parametrize(
-    "radius", [pytest.param(radius, marks=IN_ROWS) for radius in (1e-3, 1e-2, 0.1)]
-)
+@pytest.mark.parametrize("radius", [1e-3, 1e-2, 0.1])
 def test_pole_within_the_stated_deviation(radius):
     pole = closed_cylinder((0.3, -9, 1), (0.3, 9, 1), radius)
     found, deviation = visible(LAMP, [pole], cell_eps=1e-5, levels=12)
@@ -184,7 +180,7 @@ def test_straight_edge_before_a_square(x):
     within_the_worst(found, expected, 1e-5)
 
 
-@pytest.mark.parametrize("x", [0.0, *(pytest.param(x, marks=IN_ROWS) for x in (0.1, 0.37, -0.5))])
+@pytest.mark.parametrize("x", [0.0, 0.1, 0.37, -0.5])
 def test_straight_edge_within_the_stated_deviation(x):
     sheet = ceiling(x, 5.0, -5.0, 5.0, 1.0)
     expected = unoccluded(ceiling(-1.5, 2 * x, -1.5, 1.5, 2.0))
@@ -207,6 +203,15 @@ def test_slanting_edge_before_a_square(turn):
     assert abs(found - expected) <= DEVIATIONS * deviation + 2e-5
 
 
+@pytest.mark.parametrize("axis", [(1, 0, 0), (1.0, 2.0, -0.7)])
+@pytest.mark.parametrize("cell_eps", [1e-3, 1e-4, 1e-5])
+def test_sphere_turned_away_from_its_pole(axis, cell_eps):
+    move = turned(1.1, axis, (0.0, 0.0, 1.2))
+    ball = Body(PatchSet.sphere((0, 0, 0), 0.3).moved(move))
+    found, deviation = visible(LAMP, [ball], cell_eps=cell_eps)
+    agrees(found, deviation, unoccluded(LAMP) - (0.3 / 1.2) ** 2, cell_eps)
+
+
 def test_disk_hides_its_own_factor():
     disk = PatchSet.disk((0.1, 0.0, 1.0), 0.2, (0.0, 0.3, 1.0))
     expected = unoccluded(LAMP) - unoccluded(disk.flipped())
@@ -223,7 +228,7 @@ def test_falls_towards_the_truth_with_the_cell_size():
     errors = [abs(found - expected) for found, _ in steps]
     deviations = [deviation for _, deviation in steps]
     assert all(b < 0.5 * a for a, b in zip(deviations, deviations[1:], strict=False))
-    assert all(e <= DEVIATIONS * d + SLACK for e, d in zip(errors, deviations, strict=False))
+    assert all(e <= DEVIATIONS * d + SLACK for e, d in zip(errors, deviations, strict=True))
     assert errors[-1] < 0.02 * errors[0]
 
 
@@ -275,7 +280,6 @@ def room_rows():
     return rows(furnished(), POINTS, NORMALS, cell_eps=1e-3)
 
 
-@TOGETHER
 def test_closed_room_sends_every_ray_somewhere(room_rows):
     deviation = np.sqrt(room_rows.variances.sum(axis=1, dtype=float))
     defect = np.abs(room_rows.factors.sum(axis=1) - 1.0)
@@ -330,11 +334,6 @@ def test_same_bits_for_any_number_of_threads(room_rows):
     assert one.counters == two.counters
 
 
-@pytest.mark.xfail(
-    strict=False,
-    reason="a solid whose patches are not one after the other is judged piece by piece: whole "
-    "factors are lost",
-)
 def test_order_of_patches_changes_nothing():
     parts = furnished()
     order = np.random.default_rng(3).permutation(len(parts.patches))
@@ -377,7 +376,7 @@ def test_boxes_side_by_side_leak_nothing(seam):
     assert visible(LAMP, [left, right], cell_eps=1e-4)[0] <= 1e-9
 
 
-@TOGETHER
+@POLE
 def test_overlapping_blockers_count_once():
     balls = [Body(PatchSet.sphere((0, 0, 1.2), 0.3)), Body(PatchSet.sphere((0, 0, 1.3), 0.3))]
     found, deviation = visible(LAMP, balls, cell_eps=1e-5)
@@ -421,7 +420,7 @@ def test_blocker_through_the_plane_of_the_receiver():
 
 
 @pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="at its own outline a body hides itself too much: sampled points on the far side of "
     "an element count as hidden, although its factor holds the near side only",
 )
@@ -432,7 +431,9 @@ def test_torus_past_itself(cell_eps):
     e = math.asin(0.25)
     expected = (2 * e + math.sin(2 * e)) / math.pi
     found = rows(setup(ring), ORIGIN, (1, 0, 0), cell_eps=cell_eps)
-    assert abs(found.factors.sum() - expected) <= 0.1 * math.sqrt(float(found.variances.sum()))
+    deviation = math.sqrt(float(found.variances.sum()))
+    # A bias shows before it is four deviations: the sign is the same at every size of cell.
+    assert abs(found.factors.sum() - expected) <= 1.5 * deviation
 
 
 def test_slats_hide_more_the_more_they_are_closed():
@@ -450,7 +451,7 @@ def test_slats_hide_more_the_more_they_are_closed():
     assert all(b < a for a, b in zip(values, values[1:], strict=False))
 
 
-@pytest.mark.parametrize("side", [pytest.param(1e-1, marks=TOGETHER), 1e-2, 1e-3])
+@pytest.mark.parametrize("side", [1e-1, 1e-2, 1e-3])
 def test_pinhole(side):
     """A hole in a sheet of four rectangles lets through the factor of the hole itself."""
     h, r = 0.5 * side, 4.0
