@@ -35,6 +35,10 @@ class Budget:
         Nodes a direction in each element.
     eps : float
         Relative accuracy of unoccluded form factors.
+    lines, sensor_lines : int
+        Meridians about each node and each sensor.
+    exact_above : float
+        Unoccluded form factor above which a pair is traced by pyramids.
     cell_eps, lamp_cell_eps : float
         Form factor below which a partly hidden cell is sampled: between surfaces, and of lamps.
     dome_cell_eps, sensor_dome_cell_eps : float
@@ -50,6 +54,9 @@ class Budget:
     receivers: int
     nodes: int
     eps: float
+    lines: int
+    sensor_lines: int
+    exact_above: float
     cell_eps: float
     lamp_cell_eps: float
     dome_cell_eps: float
@@ -94,9 +101,12 @@ class Budget:
             elements=total,
             receivers=total * NODES**2 + sensors,
             nodes=NODES,
-            eps=min(max(1e-2 * accuracy, 1e-8), 1e-3),
-            cell_eps=0.2 * accuracy,
-            lamp_cell_eps=2e-3 * accuracy,
+            eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
+            lines=int(min(max(3.2 / accuracy, 48), 1024)),
+            sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
+            exact_above=accuracy,
+            cell_eps=0.1 * accuracy,
+            lamp_cell_eps=1e-2 * accuracy,
             dome_cell_eps=0.1 * accuracy,
             sensor_dome_cell_eps=2e-3 * accuracy,
             sun_cell_eps=5e-2 * accuracy,
@@ -110,6 +120,9 @@ class Budget:
             "element_size_m": self.size,
             "nodes_per_element": self.nodes**2,
             "form_factor_accuracy": self.eps,
+            "meridians": self.lines,
+            "sensor_meridians": self.sensor_lines,
+            "traced_form_factor": self.exact_above,
             "cell_form_factor": self.cell_eps,
             "lamp_cell_form_factor": self.lamp_cell_eps,
             "sky_cell_form_factor": self.dome_cell_eps,

@@ -18,7 +18,7 @@ from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.shapes import arc, frame
 from .model.sky import CIESky, Sun, direction
-from .skies import sky_parameters, sun_direction
+from .skies import sky_tone
 from .topology import writable
 
 #: Receivers per kernel call.
@@ -129,8 +129,7 @@ def gather(
         If a value is not finite.
     """
     if isinstance(luminance, CIESky):
-        tone = np.concatenate([sky_parameters(luminance), sun_direction(luminance)])
-        level = 1.0
+        tone, level = sky_tone(luminance), 1.0
     else:
         tone, level = np.empty(0), float(luminance)
     m = len(nodes)

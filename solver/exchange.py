@@ -9,18 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import NumericsError
+from .kernels.bulk import form_factor_rows
+from .kernels.meridian import Facets
 from .kernels.pyramid import Blockers
-from .kernels.rows import (
-    CELLS,
-    SKIPPED_FACING,
-    SKIPPED_HORIZON,
-    TRACED,
-    UNOCCLUDED,
-    Sources,
-    form_factor_rows,
-)
+from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
+from .model.sky import CIESky
+from .skies import sky_tone
+from .tables import make_edges, meridians, near_ratio, no_facets
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call: short enough to report progress and to obey Ctrl-C.
@@ -29,9 +26,9 @@ ROWS_PER_BLOCK = 64
 LEVELS = 8
 
 COUNTERS = {
-    "pairs_not_facing": SKIPPED_FACING,
-    "pairs_below_horizon": SKIPPED_HORIZON,
+    "pairs_dark": DARK_PAIRS,
     "pairs_without_blocker": UNOCCLUDED,
+    "pairs_scanned": SCANNED,
     "pairs_traced": TRACED,
     "pyramid_cells": CELLS,
 }
@@ -49,15 +46,52 @@ class Rows:
         Variance of the sampled part of each factor.
     counters : dict
         Pairs and cells by what was done with them.
+    outside : (m, 5) array
+        What the meridians saw of sky and ground: luminance times form factor of the sky [cd/m²],
+        form factors of sky and ground, variances of the first and the last.
     """
 
     factors: FloatArray
     variances: NDArray[np.float32]
     counters: dict[str, int]
+    outside: FloatArray
 
 
-def make_sources(elements: Elements, patch_nets: FloatArray, cell_eps: FloatArray) -> Sources:
-    """Pack elements as sources; they must be sorted by patch and side, as `make_elements` does."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """How weak pairs are done.
+
+    Attributes
+    ----------
+    facets : Facets
+        Of the elements, from `tables.make_facets`.
+    lines : int
+        Meridians about each node.
+    exact_above : (n,) array
+        Unoccluded form factor above which a pair is traced by pyramids all the same.
+    """
+
+    facets: Facets
+    lines: int
+    exact_above: FloatArray
+
+
+def make_sources(
+    elements: Elements, patch_nets: FloatArray, cell_eps: FloatArray, scan: Scan | None = None
+) -> Sources:
+    """Pack elements as sources; they must be sorted by patch and side, as `make_elements` does.
+
+    Parameters
+    ----------
+    elements : Elements
+        n elements.
+    patch_nets : (p, 4, 4, 4) array
+        Control nets of the patches they lie on.
+    cell_eps : (n,) array
+        Form factor below which a partly hidden cell is sampled.
+    scan : Scan, optional
+        Finds the shares of weak pairs along meridians; without, every pair is traced.
+    """
     key = elements.patch_index * 2 + elements.side
     first = np.flatnonzero(np.concatenate([[True], np.diff(key) != 0]))
     end = np.concatenate([first[1:], [len(key)]])
@@ -72,10 +106,15 @@ def make_sources(elements: Elements, patch_nets: FloatArray, cell_eps: FloatArra
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
         cell_eps=writable(cell_eps),
+        patch=writable(elements.patch_index, np.int64),
         group=writable(np.stack([first, end, patch], axis=1), np.int64),
         group_nets=writable(group_nets),
         group_cones=normal_cones(group_nets),
         group_spheres=bounding_spheres(group_nets),
+        azimuths=meridians(0 if scan is None else scan.lines),
+        exact_above=np.zeros(len(key)) if scan is None else writable(scan.exact_above),
+        **make_edges(elements, patch_nets)._asdict(),
+        **(no_facets() if scan is None else scan.facets)._asdict(),
     )
 
 
@@ -90,6 +129,9 @@ def form_factor_matrix(
     eps: float = 1e-6,
     trace: bool = True,
     levels: int = LEVELS,
+    own: IntArray | None = None,
+    lifts: FloatArray | None = None,
+    sky: CIESky | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rows:
     """Mean form factors from receivers (m, q, 3) to every source element.
@@ -110,6 +152,12 @@ def form_factor_matrix(
         False where nothing can hide anything.
     levels : int
         How often a partly hidden element is quartered at most.
+    own : (m,) int array, optional
+        Element each receiver lies on, −1 in the open.
+    lifts : (m,) array, optional
+        How far the facets may lie before the surface a receiver is on. [m]
+    sky : CIESky, optional
+        What is seen where the meridians meet nothing.
     progress : callable, optional
         Called as ``progress(rows_done, rows_total)``.
 
@@ -121,6 +169,10 @@ def form_factor_matrix(
     m, n = len(nodes), len(sources.nets)
     factors, variances = np.zeros((m, n)), np.zeros((m, n), dtype=np.float32)
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
+    outside = np.zeros((m, 5))
+    tone = np.zeros(10) if sky is None else sky_tone(sky)
+    own = np.full(m, -1) if own is None else own
+    lifts = np.zeros(m) if lifts is None else lifts
     for start in range(0, m, ROWS_PER_BLOCK):
         rows = slice(start, min(start + ROWS_PER_BLOCK, m))
         form_factor_rows(
@@ -128,13 +180,19 @@ def form_factor_matrix(
             writable(normals[rows]),
             writable(weights[rows]),
             writable(patches[rows], np.int64),
+            writable(own[rows], np.int64),
+            writable(lifts[rows]),
+            start,
             sources,
             blockers,
+            near_ratio(eps),
             eps,
             trace,
             levels,
+            tone,
             factors[rows],
             variances[rows],
+            outside[rows],
             counters[rows],
         )
         if not np.isfinite(factors[rows]).all():
@@ -143,7 +201,7 @@ def form_factor_matrix(
         if progress is not None:
             progress(rows.stop, m)
     total = counters.sum(axis=0)
-    return Rows(factors, variances, {name: int(total[c]) for name, c in COUNTERS.items()})
+    return Rows(factors, variances, {name: int(total[c]) for name, c in COUNTERS.items()}, outside)
 
 
 def close_rows(rows: Rows, totals: FloatArray | float) -> tuple[Rows, int]:
@@ -167,4 +225,4 @@ def close_rows(rows: Rows, totals: FloatArray | float) -> tuple[Rows, int]:
     left = rows.variances * (
         1.0 - np.where(ours[:, None], rows.variances / np.maximum(variance, 1e-300)[:, None], 0.0)
     )
-    return Rows(factors, left.astype(np.float32), rows.counters), int(ours.sum())
+    return Rows(factors, left.astype(np.float32), rows.counters, rows.outside), int(ours.sum())

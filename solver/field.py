@@ -10,7 +10,7 @@ import numpy as np
 from .budget import Budget
 from .containment import Containment
 from .dome import dome_cells, gather, sun_cells
-from .exchange import Rows, close_rows, form_factor_matrix, make_sources
+from .exchange import Rows, Scan, close_rows, form_factor_matrix, make_sources
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .mesh import make_elements
@@ -25,12 +25,16 @@ from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
+from .tables import make_facets, meridians
 
 #: Distance above a surface at which it is asked whether something lies on it, relative to the
 #: scene's size.
 CONTACT = 1e-5
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
+#: Accuracy of unoccluded factors at sensors, and where nothing hides anything, against that of
+#: other pairs: no average over nodes and meridians hides it there.
+FINE_SHARE = 0.1
 #: Elements smaller than this share of the aimed size get a single node.
 SMALL = 0.2
 
@@ -75,6 +79,8 @@ class Field:
         The elements and their optical state.
     sources : Sources
         The elements as the kernels see them.
+    lifts : (n,) array
+        How far their facets leave them. [m]
     factors : (n, n) array
         Form factors.
     row_sums : (n,) array
@@ -89,6 +95,7 @@ class Field:
 
     surfaces: Surfaces
     sources: Sources
+    lifts: FloatArray
     factors: FloatArray
     row_sums: FloatArray
     sees_out: bool
@@ -133,30 +140,38 @@ class FieldSolver:
         with self.stages.run(name or "elements"):
             elements = self._elements(budget)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
-            sources = self._sources(budget, surfaces)
+            sources, lifts = self._sources(budget, surfaces)
         receivers = Receivers.of_elements(elements)
         with self.stages.run(name or "form factors") as tell:
-            rows = self._rows(budget, receivers, sources, tell)
+            rows = self._rows(budget, receivers, sources, tell, lifts)
         row_sums = rows.factors.sum(axis=1)
         lit = surfaces.areas > 0.0
-        sees_out = self._sees_out(row_sums[lit], rows.variances[lit])
+        sees_out = self._sees_out(rows, lit)
         light = Light({}, np.zeros(len(elements)), np.zeros(len(elements)))
-        self._add_dome(light, receivers, budget, budget.dome_cell_eps, sees_out, name)
+        scanned = rows.outside if self.trace else None
+        self._add_dome(light, receivers, budget, budget.dome_cell_eps, sees_out, name, scanned)
         rows = self._closed(rows, light, sees_out)
         self._add_lamps(light, rows, surfaces)
         with self.stages.run(name or "radiosity"):
             reflected, products = solve_radiosity(rows.factors, surfaces.reflectance, light.direct)
         self.stages.count({"matrix_products": products})
         gathered = self._gathered(light, rows, surfaces, reflected)
-        return Field(surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected)
+        return Field(
+            surfaces, sources, lifts, rows.factors, row_sums, sees_out, gathered, reflected
+        )
 
     def gather(self, grid: Sensors, budget: Budget, field: Field) -> Gathered:
         """Direct light at the sensors themselves, indirect light from the elements."""
         receivers = Receivers.of_sensors(grid)
         # No average over nodes and bounces hides the sampling of a single sensor.
-        fine = field.sources._replace(cell_eps=field.sources.cell_eps * SENSOR_SHARE)
+        sources = field.sources
+        fine = sources._replace(
+            cell_eps=sources.cell_eps * SENSOR_SHARE,
+            exact_above=sources.exact_above * SENSOR_SHARE,
+            azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
+        )
         with self.stages.run("sensors") as tell:
-            rows = self._rows(budget, receivers, fine, tell)
+            rows = self._rows(budget, receivers, fine, tell, share=FINE_SHARE)
         light = Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
         self._add_dome(light, receivers, budget, budget.sensor_dome_cell_eps, field.sees_out, None)
         rows = self._closed(rows, light, field.sees_out)
@@ -197,14 +212,27 @@ class FieldSolver:
         )
         return replace(elements, buried=buried.reshape(elements.weights.shape))
 
-    def _sources(self, budget: Budget, surfaces: Surfaces) -> Sources:
-        """Elements as sources; the brighter one is, the finer its partly hidden cells are cut."""
+    def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
+        """Elements as sources, and how far their facets leave them.
+
+        The brighter one is, the finer its partly hidden cells are cut, and the weaker the pairs that
+        are traced.
+        """
         emitted = luminous(surfaces.emitted)
         mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
         cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
         cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
-        return make_sources(surfaces.elements, self.scene.patches.control_points, cell_eps)
+        nets = self.scene.patches.control_points
+        if not self.trace:
+            return make_sources(surfaces.elements, nets, cell_eps), np.zeros(len(emitted))
+        facets, lifts = make_facets(
+            surfaces.elements, nets, self.blockers.closed, self.blockers.solid
+        )
+        # As much light as an element of mean brightness sends at the threshold.
+        exact_above = budget.exact_above * cell_eps / budget.cell_eps
+        scan = Scan(facets, budget.lines, exact_above)
+        return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
 
     def _rows(
         self,
@@ -212,6 +240,8 @@ class FieldSolver:
         receivers: Receivers,
         sources: Sources,
         tell: Callable[[int, int], None],
+        lifts: FloatArray | None = None,
+        share: float = 1.0,
     ) -> Rows:
         rows = form_factor_matrix(
             receivers.nodes,
@@ -220,18 +250,26 @@ class FieldSolver:
             receivers.patches,
             sources,
             self.blockers,
-            eps=budget.eps,
+            eps=budget.eps * (share if self.trace else FINE_SHARE),
             trace=self.trace,
+            own=receivers.own,
+            lifts=lifts,
+            sky=self.scene.sky,
             progress=tell,
         )
         self.stages.count(rows.counters)
         return rows
 
-    def _sees_out(self, row_sums: FloatArray, variances: np.ndarray) -> bool:
+    def _sees_out(self, rows: Rows, lit: np.ndarray) -> bool:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
-        missing = 1.0 - row_sums
-        noise = 3.0 * np.sqrt(variances.sum(axis=1, dtype=np.float64)) + 1e-4
-        return bool((missing > noise).any())
+        missing = 1.0 - rows.factors[lit].sum(axis=1)
+        noise = 3.0 * np.sqrt(rows.variances[lit].sum(axis=1, dtype=np.float64)) + 1e-4
+        leaves = missing > noise
+        if self.trace:
+            # What the meridians met is known besides: a row that meets something on all of them
+            # is closed, however its factors add up.
+            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
+        return bool(leaves.any())
 
     def _add_lamps(self, light: Light, rows: Rows, surfaces: Surfaces) -> None:
         """Put the direct light of the luminaires before that of sky, sun and ground."""
@@ -264,8 +302,13 @@ class FieldSolver:
         eps: float,
         sees_out: bool,
         stage: str | None,
+        scanned: FloatArray | None = None,
     ) -> None:
-        """Add the direct light of sky, sun and ground."""
+        """Add the direct light of sky, sun and ground.
+
+        Sky and ground are traced by pyramids unless ``scanned`` (m, 5) tells what the meridians of
+        `form_factor_matrix` saw of them.
+        """
         scene, stages, trace = self.scene, self.stages, self.trace
         jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
         if scene.sky is not None:
@@ -283,6 +326,14 @@ class FieldSolver:
                 stages.skipped[name] = "nothing sees out of the scene"
                 light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
                 continue
+            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
+            if scanned is not None and name != "sun":
+                column, spread = (0, 3) if name == "sky" else (2, 4)
+                brightness = np.pi * (1.0 if name == "sky" else float(luminance))
+                light.direct[name] = brightness * scanned[:, column, None] * color
+                light.variance += brightness**2 * scanned[:, spread]
+                light.outside += scanned[:, 1 if name == "sky" else 2]
+                continue
             with stages.run(stage or name) as tell:
                 found = gather(
                     receivers.nodes,
@@ -297,7 +348,6 @@ class FieldSolver:
                     progress=tell,
                 )
             stages.count(found.counters)
-            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
             light.direct[name] = found.illuminance[:, None] * color
             light.variance += found.deviation**2
             if name != "sun":

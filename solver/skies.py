@@ -191,6 +191,11 @@ def ground_luminance(ground: Ground | None, sky: CIESky | None, sun: Sun | None)
     return ground.reflectance * total / math.pi
 
 
+def sky_tone(sky: CIESky) -> FloatArray:
+    """What kernels need of a sky (10,): `sky_parameters` and the direction of the sun."""
+    return np.concatenate([sky_parameters(sky), sun_direction(sky)])
+
+
 def sky_parameters(sky: CIESky) -> FloatArray:
     """Parameters of `kernels.sky_luminance.sky_luminance`: form, a, b, c, d, e, factor [cd/m²].
 

@@ -14,25 +14,30 @@ from .model.views import Sensors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Receivers:
-    """Nodes (m, q, 3) and normals, their shares (m, q), and the patch (m,) each lies on."""
+    """Nodes (m, q, 3) and normals, their shares (m, q), and what each receiver lies on.
+
+    ``patches`` and ``own`` (m,) are its patch and its element, −1 in the open.
+    """
 
     nodes: FloatArray
     normals: FloatArray
     weights: FloatArray
     patches: IntArray
+    own: IntArray
 
     @classmethod
     def of_elements(cls, elements: Elements) -> Receivers:
         share = np.where(elements.buried, 0.0, elements.weights)
         total = share.sum(axis=1)
         share = share / np.where(total > 0.0, total, 1.0)[:, None]
-        return cls(elements.nodes, elements.normals, share, elements.patch_index)
+        own = np.arange(len(elements))
+        return cls(elements.nodes, elements.normals, share, elements.patch_index, own)
 
     @classmethod
     def of_sensors(cls, grid: Sensors) -> Receivers:
         ones = np.ones((len(grid), 1))
         nowhere = np.full(len(grid), -1)
-        return cls(grid.points[:, None], grid.normals[:, None], ones, nowhere)
+        return cls(grid.points[:, None], grid.normals[:, None], ones, nowhere, nowhere)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

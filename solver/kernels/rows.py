@@ -1,7 +1,4 @@
-"""Rows of form factors: every source element as seen from the nodes of one receiver.
-
-One thread owns one row, so the result has the same bits for any number of threads.
-"""
+"""Source elements, and the pairs of one receiver that are traced by pyramids."""
 
 import math
 from typing import NamedTuple
@@ -10,23 +7,18 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .patch_factor import (
-    ALWAYS_FRONT,
-    CONCAVE,
-    CONVEX,
-    PLANAR,
-    facing_of,
-    heights,
-    patch_factor,
-)
-from .pyramid import FRONT, NO_BLOCKER, make_scratch, see_blockers, visible_factor
+from .patch_factor import ALWAYS_FRONT, CONCAVE, CONVEX, PLANAR
+from .pyramid import FRONT, NO_BLOCKER, see_blockers, visible_factor
 
 #: Columns of the counters of a row.
-SKIPPED_FACING, SKIPPED_HORIZON, UNOCCLUDED, TRACED, CELLS = range(5)
+DARK_PAIRS, UNOCCLUDED, SCANNED, TRACED, CELLS = range(5)
 
 
 class Sources(NamedTuple):
     """Source elements; row j of every array is the same element, sorted by group.
+
+    Without ``azimuths`` every pair that something may hide is traced by pyramids; with them, those
+    whose unoccluded form factor is above ``exact_above``.
 
     Attributes
     ----------
@@ -38,10 +30,20 @@ class Sources(NamedTuple):
         `patch_factor.PLANAR`, `CONVEX`, `CONCAVE`.
     cell_eps : (n,) array
         Form factor below which a partly hidden cell is sampled.
+    patch : (n,) int array
+        Patch each element lies on.
     group : (g, 3) int array
         First row, end row and patch of each group: the elements of one side of one patch.
     group_nets, group_cones, group_spheres
         The same for the whole patch side.
+    edge_origin … area_normal
+        Gauss nodes on the edges and in the elements, as in `edges.Edges`.
+    facet_vertices … facet_solid
+        Flat pieces of the elements and of what else hides them, as in `meridian.Facets`.
+    azimuths : (lines, 2) array
+        Cosine and sine of the meridians along which shares are found.
+    exact_above : (n,) array
+        Unoccluded form factor above which a pair is traced by pyramids.
     """
 
     nets: np.ndarray
@@ -49,10 +51,26 @@ class Sources(NamedTuple):
     spheres: np.ndarray
     flags: np.ndarray
     cell_eps: np.ndarray
+    patch: np.ndarray
     group: np.ndarray
     group_nets: np.ndarray
     group_cones: np.ndarray
     group_spheres: np.ndarray
+    edge_origin: np.ndarray
+    edge_point: np.ndarray
+    edge_tangent: np.ndarray
+    edge_moment: np.ndarray
+    edge_of: np.ndarray
+    edge_sign: np.ndarray
+    area_point: np.ndarray
+    area_normal: np.ndarray
+    facet_vertices: np.ndarray
+    facet_corners: np.ndarray
+    facet_planes: np.ndarray
+    facet_element: np.ndarray
+    facet_solid: np.ndarray
+    azimuths: np.ndarray
+    exact_above: np.ndarray
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -85,63 +103,59 @@ def _apart(source, blocker):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _row(
-    x, n, own_patch, sources, blockers, eps, trace, scratch, listed, near, s, found, weight,
+def trace_row(
+    x, n, own_patch, sources, blockers, eps, scratch, wanted, single, s, weight,
     factors, variances, counters,
 ):  # fmt: skip
-    """Add ``weight`` times the form factors from one node to ``factors`` (n,)."""
+    """Add ``weight`` times the form factors of the wanted elements from one node to ``factors``.
+
+    Parameters
+    ----------
+    wanted : (n,) bool array
+        Which elements.
+    single : (n,) array
+        Their unoccluded form factors.
+    s : (4, 4, 4) array
+        Scratch.
+    """
     rounding = horizon_tolerance(x)
     plain = np.empty(0)
-    state = scratch.state
-    cone = np.empty(7)
-    views, active, awake = scratch.views, scratch.active, 0
-    if trace:
-        see_blockers(blockers, x, n, rounding, scratch.shifted, state)
-        for b in range(state.shape[0]):
-            if state[b] != NO_BLOCKER:
-                _view_cone(x, blockers.spheres[b], views[awake])
-                active[awake] = b
-                awake += 1
+    listed = np.empty(blockers.nets.shape[0] + 1, dtype=np.int64)
+    near = np.empty(blockers.nets.shape[0] + 1, dtype=np.int64)
+    cone, found = np.empty(7), np.empty(4)
+    state, views, active, awake = scratch.state, scratch.views, scratch.active, 0
+    see_blockers(blockers, x, n, rounding, scratch.shifted, state)
+    for b in range(state.shape[0]):
+        if state[b] != NO_BLOCKER:
+            _view_cone(x, blockers.spheres[b], views[awake])
+            active[awake] = b
+            awake += 1
     for g in range(sources.group.shape[0]):
         first, end, patch = sources.group[g, 0], sources.group[g, 1], sources.group[g, 2]
-        size = end - first
+        some = False
+        for j in range(first, end):
+            some = some or wanted[j]
+        if not some:
+            continue
         solid = blockers.solid[patch]
         flags = sources.flags[first]
-        if own_patch >= 0 and flags & (PLANAR | CONVEX) and patch == own_patch:
-            counters[SKIPPED_FACING] += size
-            continue
-        if own_patch >= 0 and blockers.bulging[solid] and blockers.solid[own_patch] == solid:
-            counters[SKIPPED_FACING] += size
-            continue
-        shift_net(sources.group_nets[g], x, s)
-        _, _, high = heights(s, n)
-        if high <= rounding:
-            counters[SKIPPED_HORIZON] += size
-            continue
         # Inside a convex cavity every wall faces every other.
         inside = own_patch >= 0 and blockers.hollow[solid] and blockers.solid[own_patch] == solid
-        if not inside and facing_of(s, sources.group_cones[g], rounding) < 0:
-            counters[SKIPPED_FACING] += size
-            continue
+        _view_cone(x, sources.group_spheres[g], cone)
         count = 0
-        if trace:
-            _view_cone(x, sources.group_spheres[g], cone)
-            for m in range(awake):
-                if _apart(cone, views[m]):
-                    continue
-                b = active[m]
-                if b == patch and (
-                    state[b] == FRONT or sources.flags[first] & (PLANAR | CONVEX | CONCAVE)
-                ):
-                    continue  # seen from one side throughout, a patch does not hide itself
-                if blockers.solid[b] == solid and (
-                    blockers.bulging[solid] or blockers.hollow[solid]
-                ):
-                    continue
-                listed[count] = m
-                count += 1
+        for m in range(awake):
+            if _apart(cone, views[m]):
+                continue
+            b = active[m]
+            if b == patch and (state[b] == FRONT or flags & (PLANAR | CONVEX | CONCAVE)):
+                continue  # seen from one side throughout, a patch does not hide itself
+            if blockers.solid[b] == solid and (blockers.bulging[solid] or blockers.hollow[solid]):
+                continue
+            listed[count] = m
+            count += 1
         for j in range(first, end):
-            shift_net(sources.nets[j], x, s)
+            if not wanted[j]:
+                continue
             k = 0
             if count:
                 _view_cone(x, sources.spheres[j], cone)
@@ -149,21 +163,12 @@ def _row(
                     if not _apart(cone, views[listed[m]]):
                         near[k] = active[listed[m]]
                         k += 1
-            # What is small needs fewer digits: 0.05 eps of the whole hemisphere is enough.
-            dx = sources.spheres[j, 0] - x[0]
-            dy = sources.spheres[j, 1] - x[1]
-            dz = sources.spheres[j, 2] - x[2]
-            distance2 = dx * dx + dy * dy + dz * dz
-            bound = sources.spheres[j, 3] ** 2 / (distance2 + 1e-300)
-            front = patch * 0  # not a literal: those would compile the callee once more
-            if inside and (patch != own_patch or distance2 > sources.spheres[j, 3] ** 2):
-                front += ALWAYS_FRONT
-            digits = min(max(eps, 0.05 * eps / bound), 1e-2)
             if k == 0:
-                value = patch_factor(s, n, sources.cones[j], front, digits, rounding)
-                factors[j] += weight * value
+                factors[j] += weight * single[j]
                 counters[UNOCCLUDED] += 1
                 continue
+            shift_net(sources.nets[j], x, s)
+            front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
             visible_factor(
                 s, x, n, sources.cones[j], front, solid, digits, sources.cell_eps[j], rounding,
                 plain, blockers, near, k, scratch, found,
@@ -174,44 +179,23 @@ def _row(
             counters[CELLS] += int(found[2])
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
-def form_factor_rows(
-    nodes, normals, weights, patches, sources, blockers, eps, trace, levels,
-    factors, variances, counters,
-):  # fmt: skip
-    """Form factors from receivers with q nodes each to all sources.
+@nb.njit(cache=True, error_model="numpy")
+def how_to_see(x, own_patch, sources, j, inside, eps):
+    """Flags and relative accuracy with which element ``j`` is looked at from ``x``.
 
-    Parameters
-    ----------
-    nodes, normals : (m, q, 3) array
-        Receiver nodes [m] and unit normals.
-    weights : (m, q) array
-        Weight of each node; those of a receiver sum to 1, or are all 0 (no light).
-    patches : (m,) int array
-        Patch each receiver lies on, −1 in the open.
-    eps : float
-        Relative accuracy of unoccluded factors.
-    trace : bool
-        Whether anything can hide anything.
-    levels : int
-        How often a source element may be quartered.
-    factors, variances : (m, n) array
-        Receive the mean form factor and the variance of its sampled part.
-    counters : (m, 5) int array
-        `SKIPPED_FACING` … `CELLS`.
+    ``inside`` tells that the receiver is on a wall of the same convex cavity.
     """
-    p = blockers.nets.shape[0]
-    for i in nb.prange(nodes.shape[0]):
-        scratch = make_scratch(p, levels)
-        listed, near = np.empty(p + 1, dtype=np.int64), np.empty(p + 1, dtype=np.int64)
-        s, found = np.empty((4, 4, 4)), np.empty(4)
-        x, n = np.empty(3), np.empty(3)
-        for q in range(nodes.shape[1]):
-            if weights[i, q] == 0.0:
-                continue
-            for k in range(3):
-                x[k], n[k] = nodes[i, q, k], normals[i, q, k]
-            _row(
-                x, n, patches[i], sources, blockers, eps, trace, scratch, listed, near,
-                s, found, weights[i, q], factors[i], variances[i], counters[i],
-            )  # fmt: skip
+    dx, dy, dz = (
+        sources.spheres[j, 0] - x[0],
+        sources.spheres[j, 1] - x[1],
+        sources.spheres[j, 2] - x[2],
+    )
+    distance2 = dx * dx + dy * dy + dz * dz
+    radius2 = sources.spheres[j, 3] ** 2
+    patch = sources.patch[j]
+    front = patch * 0  # not a literal: those would compile the callee once more
+    if inside and (patch != own_patch or distance2 > radius2):
+        front += ALWAYS_FRONT
+    # What is small needs fewer digits: 0.05 eps of the whole hemisphere is enough.
+    bound = radius2 / (distance2 + 1e-300)
+    return front, min(max(eps, 0.05 * eps / bound), 1e-2)

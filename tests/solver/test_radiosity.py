@@ -190,7 +190,7 @@ def test_closed_rows_sum_to_their_totals():
     """The sampled factors take the defect in proportion to their variance; others stay."""
     factors = np.array([[0.5, 0.3, 0.19], [0.5, 0.3, 0.1]])
     variances = np.array([[0.0, 3e-5, 1e-5], [0.0, 1e-8, 1e-8]], np.float32)
-    closed, count = close_rows(Rows(factors, variances, {}), 1.0)
+    closed, count = close_rows(Rows(factors, variances, {}, np.zeros(len(factors))), 1.0)
     assert count == 1
     np.testing.assert_allclose(closed.factors[0], [0.5, 0.3075, 0.1925], rtol=1e-6)
     # Ten percent missing at a deviation of 1e-4 is no sampling error.
