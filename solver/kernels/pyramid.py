@@ -26,6 +26,7 @@ import numpy as np
 
 from .patch_factor import (
     ALWAYS_FRONT,
+    facing_at,
     facing_of,
     halve_u,
     halve_v,
@@ -416,26 +417,32 @@ def _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _above(s, n, u, v, h, hu, hv):
-    """Height of the point (u, v) of the cell above the receiver's horizon, over its distance."""
+def _height_seen(s, n, front, u, v, h, hu, hv):
+    """Height of the point (u, v) of the cell above the receiver's horizon, over its distance.
+
+    Unless the whole cell is in ``front``, −1 for points on the far side of its own outline: like
+    those below the horizon they are not in its form factor.
+    """
+    if not front and facing_at(s, u, v, h, hu, hv) <= 0.0:
+        return -1.0
     surface(s, u, v, h, hu, hv)
     size = math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
     return (n[0] * h[0] + n[1] * h[1] + n[2] * h[2]) / max(size, 1e-300)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _centre_blocked(s, n, x, blockers, listed, first, count, work, h, hu, hv):
-    """Whether a listed blocker hides the middle of what the horizon leaves of the cell.
+def _centre_blocked(s, n, front, x, blockers, listed, first, count, work, h, hu, hv):
+    """Whether a listed blocker hides the middle of what the receiver may see of the cell.
 
-    Below the horizon nothing blocks, so that a point there would prove nothing: the highest of
-    5 x 5 points stands in for the middle where the middle has set.
+    Below the horizon nothing blocks, and on the far side of its outline the cell hides itself, so
+    that a point there would prove nothing: the highest of 5 x 5 points stands in for the middle.
     """
     bu, bv = 0.5, 0.5
-    if _above(s, n, bu, bv, h, hu, hv) <= 0.0:
+    if _height_seen(s, n, front, bu, bv, h, hu, hv) <= 0.0:
         best = -1.0
         for i in range(5):
             for j in range(5):
-                height = _above(s, n, 0.25 * i, 0.25 * j, h, hu, hv)
+                height = _height_seen(s, n, front, 0.25 * i, 0.25 * j, h, hu, hv)
                 if height > best:
                     best, bu, bv = height, 0.25 * i, 0.25 * j
         # A little inwards: the rim belongs to the neighbours too.
@@ -450,8 +457,8 @@ def _scrambled(seed):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _visible_share(s, n, x, blockers, listed, count, samples, seed, work, h, hu, hv):
-    """Share of the points above the horizon, of samples x samples strata, that the receiver sees.
+def _visible_share(s, n, front, x, blockers, listed, count, samples, seed, work, h, hu, hv):
+    """Share that the receiver sees of the points in the cell's factor, of samples x samples strata.
 
     Points lie anywhere in their stratum: at fixed places the errors of all the cells along one
     shadow edge would have one sign.
@@ -463,13 +470,13 @@ def _visible_share(s, n, x, blockers, listed, count, samples, seed, work, h, hu,
             u = (i + (seed >> 8) / 8388608.0) / samples
             seed = _scrambled(seed)
             v = (j + (seed >> 8) / 8388608.0) / samples
-            if _above(s, n, u, v, h, hu, hv) <= 0.0:
+            if _height_seen(s, n, front, u, v, h, hu, hv) <= 0.0:
                 continue
             up += 1
             if not _point_blocked(s, u, v, x, blockers, listed, 0, count, work, h, hu, hv):
                 seen += 1
     if up == 0:
-        blocked = _centre_blocked(s, n, x, blockers, listed, 0, count, work, h, hu, hv)
+        blocked = _centre_blocked(s, n, front, x, blockers, listed, 0, count, work, h, hu, hv)
         return 0.0 if blocked else 1.0
     return seen / up
 
@@ -593,7 +600,7 @@ def visible_factor(
                 # A solid without shadow edge in the pyramid covers the cell or leaves it free.
                 if run_clean and count > run_start:
                     if _centre_blocked(
-                        cell, n, x, blockers, mine, run_start, count, work, h, hu, hv
+                        cell, n, facing > 0, x, blockers, mine, run_start, count, work, h, hu, hv
                     ):
                         dark = True
                         break
@@ -666,7 +673,7 @@ def visible_factor(
                     # The same for every receiver, so that moving a scene changes no sample.
                     seed = _scrambled(np.int64(out[2]) * 7919 + level)
                     share = _visible_share(
-                        cell, n, x, blockers, mine, count, samples, seed, work,
+                        cell, n, facing > 0, x, blockers, mine, count, samples, seed, work,
                         h, hu, hv,
                     )  # fmt: skip
                 out[3] += value * share

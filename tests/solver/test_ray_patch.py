@@ -295,3 +295,19 @@ def test_compiled_code_is_this_source():
     compiled = ray_patch(*arguments, np.empty(WORK))
     python = ray_patch.py_func(*arguments, np.empty(WORK))
     assert compiled == pytest.approx(python, abs=1e-14)
+
+
+def test_two_roots_on_one_parameter_line():
+    """From a point on its axis a sphere is met twice on one meridian, near the outline."""
+    ball = PatchSet.sphere((0, 0, 0), 1.0)
+    rng = np.random.default_rng(8)
+    origin = np.array([0.0, 0.0, -4.0])
+    # Between the directions of the equator and of the outline both roots lie in one octant.
+    angles = rng.uniform(math.atan(0.25) + 1e-6, math.asin(0.25) - 1e-6, 500)
+    turns = rng.uniform(0.0, 2.0 * math.pi, 500)
+    for angle, turn in zip(angles, turns, strict=True):
+        d = np.array([math.cos(turn), math.sin(turn), 0.0]) * math.sin(angle)
+        d[2] = math.cos(angle)
+        half = math.sqrt(1.0 - (4.0 * math.sin(angle)) ** 2)
+        t, _, facing = cast_all(ball, origin, d)
+        assert (t, facing) == (pytest.approx(4.0 * math.cos(angle) - half, abs=1e-11), 1)
