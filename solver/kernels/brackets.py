@@ -27,7 +27,7 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .patch_factor import CONCAVE, CONVEX, PLANAR, halve_u, halve_v, heights, surface
+from .patch_factor import CONCAVE, CONVEX, PLANAR, heights, surface
 from .pieces import (
     BACK,
     FRONT,
@@ -510,9 +510,7 @@ def _look(
                     if facing != FRONT and sheet == own_sheet:
                         stamps[sheet, 1] = -1
                     else:
-                        stamps[sheet, 1] = _ray(
-                            surfaces, pieces, mine, count, sheet, x, h, work
-                        )
+                        stamps[sheet, 1] = _ray(surfaces, pieces, mine, count, sheet, x, h, work)
                     if stamps[sheet, 1] > 0:
                         found[_HIGH] = 0.0
                         return 0

@@ -31,9 +31,7 @@ def strict(sources, blockers=None, points=ORIGIN, normals=UP, accuracy=1e-4) -> 
 
 
 def plain(sources, points=ORIGIN, normals=UP, accuracy=1e-9):
-    return point_form_factors(
-        points, normals, sources, accuracy=accuracy, visibility="none"
-    ).value
+    return point_form_factors(points, normals, sources, accuracy=accuracy, visibility="none").value
 
 
 def holds(found, truth, slack=1e-10):
@@ -218,7 +216,10 @@ def test_adding_a_blocker_never_raises(seed):
 def test_overlapping_blockers_count_as_their_union():
     first, second = ceiling(-0.5, 0.2, -0.4, 0.4, 1.0), ceiling(-0.2, 0.5, -0.4, 0.4, 1.1)
     found = strict(LAMP, PatchSet.concatenated(first, second))
-    union = [ceiling(-1.0, 0.4, -0.8, 0.8, 2.0), ceiling(-0.4 / 1.1, 1 / 1.1, -0.8 / 1.1, 0.8 / 1.1, 2)]
+    union = [
+        ceiling(-1.0, 0.4, -0.8, 0.8, 2.0),
+        ceiling(-0.4 / 1.1, 1 / 1.1, -0.8 / 1.1, 0.8 / 1.1, 2),
+    ]
     both = ceiling(-0.4 / 1.1, 0.4, -0.8 / 1.1, 0.8 / 1.1, 2.0)
     hidden = sum(plain(u)[0, 0] for u in union) - plain(both)[0, 0]
     holds(found, plain(LAMP)[0, 0] - hidden)
