@@ -432,7 +432,6 @@ def _look(
     _make_frame(planes, frame)
     count = 0
     spots = 0  # points of the wedge; −1 when they cannot tell
-    bad_any = False
     for m in range(parent_count):
         stack[0] = parent[m]
         top = 1
@@ -486,7 +485,6 @@ def _look(
                     first = 1.0 if k == 0 else 0.0
                     spots = _add_point(pieces.nets[i, k // 4, k % 4], frame, points, spots, first)
             if bad:
-                bad_any = True
                 dirty[surfaces.sheet[b]] = stamp
             mine[count] = i
             count += 1
@@ -519,7 +517,7 @@ def _look(
                 if dirty[sheet] != stamp:
                     if stamps[sheet, 1] == 0:
                         continue
-                    bad_any, spots = True, -1
+                    spots = -1
                 mine[kept] = mine[m]
                 kept += 1
             count = kept
@@ -567,8 +565,7 @@ def bracket_pair(
 
     ``whole`` (9, 9) tells from which side it is seen, ``slack`` is its rounding.
     """
-    s, low_half, high_half = np.empty((4, 4, 4)), np.empty((4, 4, 4)), np.empty((4, 4, 4))
-    g, line = np.empty((9, 9)), np.empty(9)
+    s, g, line = np.empty((4, 4, 4)), np.empty((9, 9)), np.empty(9)
     found = np.empty(3)
     heads = np.full(_BUCKETS, -1, dtype=np.int64)
     tails = np.full(_BUCKETS, -1, dtype=np.int64)
