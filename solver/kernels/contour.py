@@ -7,7 +7,8 @@ With r = p − x on the boundary, counter-clockwise about the source's +normal, 
 In homogeneous form H(t) = A(t) − x w(t) the weights cancel: (r × dr)/|r|² = (H × H')/|H|² dt, so a
 rational cubic edge needs no division by w, and an edge at infinity (w = 0, a direction) is an edge
 like any other. Parts below the receiver's horizon are cut off at the roots of n · H(t) and closed
-along the horizon plane, where the integrand is the angle turned through.
+along the horizon plane, where the integrand is the angle turned through; which way round is known
+modulo a whole only, and `patch_factor` settles it.
 
 Shifted nets ``s`` are (4, 4, 4): ``s[i, j, :3]`` = A − x w, ``s[i, j, 3]`` = w.
 
@@ -72,7 +73,7 @@ def load_edge(s, k, c):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _point(c, t, h):
+def cubic_point(c, t, h):
     """Evaluate the cubic ``c`` at ``t`` into ``h`` (3,)."""
     r = 1.0 - t
     b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
@@ -160,9 +161,9 @@ def curve_term(c, ta, tb, n, eps):
             rho = big + math.sqrt(max(big * big - 1.0, 0.0))
             # Far away the integrand's pole is where |H|, then the weight, would vanish: estimated
             # from its slope and its bend over the interval.
-            _point(c, a, ends)
+            cubic_point(c, a, ends)
             ga = math.sqrt(ends[0] ** 2 + ends[1] ** 2 + ends[2] ** 2)
-            _point(c, b, ends)
+            cubic_point(c, b, ends)
             gb = math.sqrt(ends[0] ** 2 + ends[1] ** 2 + ends[2] ** 2)
             gm = math.sqrt(hx * hx + hy * hy + hz * hz)
             mean = 0.5 * (ga + gb)
@@ -209,8 +210,8 @@ def edge_term(c, ta, tb, n, eps):
     """Contour term of edge ``c`` over [ta, tb]; closed form where it is straight seen from x."""
     if _is_great_circle(c):
         p, q = np.empty(3), np.empty(3)
-        _point(c, ta, p)
-        _point(c, tb, q)
+        cubic_point(c, ta, p)
+        cubic_point(c, tb, q)
         return chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
     return curve_term(c, ta, tb, n, eps)
 
@@ -292,6 +293,59 @@ def _closing_angle(ax, ay, az, bx, by, bz, n):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _ends_span(c):
+    """Whether a cubic in the horizon stays on one side of a line through the receiver.
+
+    Then it turns less than half a turn, and its ends tell the angle.
+    """
+    a = math.sqrt(c[0, 0] ** 2 + c[0, 1] ** 2 + c[0, 2] ** 2)
+    b = math.sqrt(c[3, 0] ** 2 + c[3, 1] ** 2 + c[3, 2] ** 2)
+    # The line is square to the bisector of the ends.
+    mx = c[0, 0] * b + c[3, 0] * a
+    my = c[0, 1] * b + c[3, 1] * a
+    mz = c[0, 2] * b + c[3, 2] * a
+    for i in range(4):
+        if mx * c[i, 0] + my * c[i, 1] + mz * c[i, 2] <= 0.0:
+            return False
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _turned_angle(c, n):
+    """Angle about n that a cubic in the horizon turns through: its contour term, exactly.
+
+    Pieces are halved until the ends of each tell its angle; at most 60 wait and 400 are visited,
+    which reaches the rounding of a receiver on the edge itself.
+    """
+    if _ends_span(c):
+        return _closing_angle(c[0, 0], c[0, 1], c[0, 2], c[3, 0], c[3, 1], c[3, 2], n)
+    stack = np.empty((64, 4, 3))
+    stack[0] = c
+    top = 1
+    total = 0.0
+    for _ in range(400):
+        if top == 0:
+            break
+        top -= 1
+        piece = stack[top]
+        if top + 2 > 64 or _ends_span(piece):
+            total += _closing_angle(
+                piece[0, 0], piece[0, 1], piece[0, 2], piece[3, 0], piece[3, 1], piece[3, 2], n
+            )
+            continue
+        for k in range(3):
+            p, q, r, s = piece[0, k], piece[1, k], piece[2, k], piece[3, k]
+            pq, qr, rs = 0.5 * (p + q), 0.5 * (q + r), 0.5 * (r + s)
+            pqr, qrs = 0.5 * (pq + qr), 0.5 * (qr + rs)
+            mid = 0.5 * (pqr + qrs)
+            stack[top + 1, 0, k], stack[top + 1, 1, k] = p, pq
+            stack[top + 1, 2, k], stack[top + 1, 3, k] = pqr, mid
+            piece[0, k], piece[1, k], piece[2, k], piece[3, k] = mid, qrs, rs, s
+        top += 2
+    return total
+
+
+@nb.njit(cache=True, error_model="numpy")
 def horizon_tolerance(x):
     """Height below which a point counts as on the horizon: rounding of the coordinates."""
     return 4e-15 * (abs(x[0]) + abs(x[1]) + abs(x[2]))
@@ -338,20 +392,19 @@ def contour_factor(s, n, eps, rounding):
             s3 = 0.0
         low = min(min(s0, s1), min(s2, s3))
         high = max(max(s0, s1), max(s2, s3))
-        if low >= 0.0 and high > 0.0:
-            count = 2
-            breaks[0], breaks[1] = 0.0, 1.0
-        elif high <= 0.0:
+        # An edge in the horizon may wrap far about the receiver: it is followed, not closed.
+        level = low == 0.0 and high == 0.0
+        if low >= 0.0 or high <= 0.0:
             count = 2
             breaks[0], breaks[1] = 0.0, 1.0
         else:
             count = sign_breaks(s0, s1, s2, s3, breaks)
         for m in range(count - 1):
             ta, tb = breaks[m], breaks[m + 1]
-            up = high > 0.0 and _cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0
+            up = level or (high > 0.0 and _cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0)
             if up:
                 if not above:
-                    _point(c, ta, h)
+                    cubic_point(c, ta, h)
                     if have_exit:
                         total += _closing_angle(ex, ey, ez, h[0], h[1], h[2], n)
                         have_exit = False
@@ -359,9 +412,9 @@ def contour_factor(s, n, eps, rounding):
                         have_first_entry = True
                         fx, fy, fz = h[0], h[1], h[2]
                     above = True
-                total += edge_term(c, ta, tb, n, eps)
+                total += _turned_angle(c, n) if level else edge_term(c, ta, tb, n, eps)
             elif above:
-                _point(c, ta, h)
+                cubic_point(c, ta, h)
                 ex, ey, ez = h[0], h[1], h[2]
                 have_exit = True
                 above = False

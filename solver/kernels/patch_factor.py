@@ -18,14 +18,19 @@ from .contour import (
     GAUSS_START,
     GAUSS_WEIGHTS,
     contour_factor,
+    cubic_point,
     edge_term,
     load_edge,
 )
 
 PLANAR, CONVEX, CONCAVE, ALWAYS_FRONT = 1, 2, 4, 8
 
+#: Quarterings of a net nearer than its cells are large.
+_DEEPEST_NEAR = 22
 #: Cells that may wait on a quadtree stack: three for each level and four new ones.
-_STACK = 40
+_STACK = 3 * _DEEPEST_NEAR + 4
+#: How far inside its edges the facing of a net is asked, in parameters.
+_INWARDS = 1e-5
 _TWO_PI = 2.0 * math.pi
 
 
@@ -206,23 +211,84 @@ def facing_of(s, cone, rounding):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _silhouette_leaf(s, n, eps, rounding):
-    """Contour factor of the front part of a small net that shows both sides."""
-    h, hu, hv = np.empty(3), np.empty(3), np.empty(3)
-    c = np.empty((4, 3))
+def _edge_facing(s, k, t, h, hu, hv):
+    """`facing_at` boundary edge ``k`` of `contour.load_edge`, a little inwards of it.
+
+    On a collapsed edge (a pole) itself the derivatives vanish and tell nothing.
+    """
+    if k == 0:
+        u, v = t, 0.0
+    elif k == 1:
+        u, v = 1.0, t
+    elif k == 2:
+        u, v = 1.0 - t, 1.0
+    else:
+        u, v = 0.0, 1.0 - t
+    u = min(max(u, _INWARDS), 1.0 - _INWARDS)
+    v = min(max(v, _INWARDS), 1.0 - _INWARDS)
+    return facing_at(s, u, v, h, hu, hv)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _front_count(s, at, g, h, hu, hv):
+    """How many of four edge points, at ``at`` of each edge, show the + side; facings into ``g``."""
+    count = 0
+    for k in range(4):
+        g[k] = _edge_facing(s, k, at, h, hu, hv)
+        if g[k] > 0.0:
+            count += 1
+    return count
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _is_near(s, angle):
+    """Whether the net is seen under more than ``angle`` [rad], estimated from its corners."""
+    mx = my = mz = 0.0
+    for i in (0, 3):
+        for j in (0, 3):
+            w = s[i, j, 3]
+            if w <= 0.0:
+                return False
+            mx += 0.25 * s[i, j, 0] / w
+            my += 0.25 * s[i, j, 1] / w
+            mz += 0.25 * s[i, j, 2] / w
+    reach2 = 0.0
+    for i in (0, 3):
+        for j in (0, 3):
+            w = s[i, j, 3]
+            dx, dy, dz = s[i, j, 0] / w - mx, s[i, j, 1] / w - my, s[i, j, 2] / w - mz
+            reach2 = max(reach2, dx * dx + dy * dy + dz * dz)
+    return 4.0 * reach2 > angle * angle * (mx * mx + my * my + mz * mz)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _on_edge(s, c, h):
+    """Whether the receiver lies on the boundary of a small net, to 1e-6 of its edges."""
+    for k in range(4):
+        load_edge(s, k, c)
+        dx, dy, dz = c[3, 0] - c[0, 0], c[3, 1] - c[0, 1], c[3, 2] - c[0, 2]
+        size2 = dx * dx + dy * dy + dz * dz
+        if size2 == 0.0:
+            continue
+        t = -(c[0, 0] * dx + c[0, 1] * dy + c[0, 2] * dz) / size2
+        for _ in range(4):
+            t = min(max(t, 0.0), 1.0)
+            cubic_point(c, t, h)
+            t -= (h[0] * dx + h[1] * dy + h[2] * dz) / size2
+        if h[0] * h[0] + h[1] * h[1] + h[2] * h[2] <= 1e-12 * size2:
+            return True
+    return False
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _silhouette_leaf(s, n, eps, g, c, h, hu, hv):
+    """Contour factor of the front part of a small net; ``g`` (5,) are the facings of its corners.
+
+    Two or four of its edges change side; ``c``, ``h``, ``hu`` and ``hv`` are scratch.
+    """
     cu = (0.0, 1.0, 1.0, 0.0)
     cv = (0.0, 0.0, 1.0, 1.0)
-    g = np.empty(5)
-    positive = 0
-    for k in range(4):
-        g[k] = facing_at(s, cu[k], cv[k], h, hu, hv)
-        if g[k] > 0.0:
-            positive += 1
     g[4] = g[0]
-    if positive == 0:
-        return 0.0
-    if positive == 4:
-        return contour_factor(s, n, eps, rounding)
     # One walk round the boundary; cuts join the point where the front is left to the next entry.
     total = 0.0
     eu = ev = fu = fv = 0.0
@@ -238,14 +304,7 @@ def _silhouette_leaf(s, n, eps, rounding):
                 t = lo - glo * (hi - lo) / (ghi - glo)
                 if step % 3 == 2 or not lo < t < hi:
                     t = 0.5 * (lo + hi)
-                gt = facing_at(
-                    s,
-                    cu[k] + t * (cu[(k + 1) % 4] - cu[k]),
-                    cv[k] + t * (cv[(k + 1) % 4] - cv[k]),
-                    h,
-                    hu,
-                    hv,
-                )
+                gt = _edge_facing(s, k, t, h, hu, hv)
                 if (gt > 0.0) == (glo > 0.0):
                     lo, glo = t, gt
                 else:
@@ -322,6 +381,16 @@ def heights(s, n):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _modulo_whole(value):
+    """A contour's value moved by a whole where it is far from the share of a hemisphere it is."""
+    if value < -0.25:
+        return value + 1.0
+    if value > 1.25:
+        return value - 1.0
+    return value
+
+
+@nb.njit(cache=True, error_model="numpy")
 def patch_factor(s, n, cone, flags, eps, rounding):
     """Form factor, ignoring other surfaces, of the lit side of shifted net ``s`` above the horizon.
 
@@ -346,17 +415,21 @@ def patch_factor(s, n, cone, flags, eps, rounding):
     facing = 1 if flags & ALWAYS_FRONT else facing_of(s, cone, rounding)
     if facing < 0:
         return 0.0
-    dips = low > 0.0 and inner < 0.0
-    if facing > 0 and not dips:
-        return max(0.0, contour_factor(s, n, eps, rounding))
+    # Where the contour is closed along the horizon the long way round, it is a whole off.
+    doubt = max(2.5 * eps, 1e-9)
+    if facing > 0 and not (low > 0.0 and inner < 0.0):
+        value = _modulo_whole(contour_factor(s, n, eps, rounding))
+        if -doubt <= value <= 1.0 + doubt:
+            return max(0.0, value)
 
     stack = np.empty((_STACK, 4, 4, 4))
     depth = np.empty(_STACK, dtype=np.int64)
     low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
     h, hu, hv = np.empty(3), np.empty(3), np.empty(3)
-    own = np.empty(4)
+    own, edge, g, middles = np.empty(4), np.empty((4, 3)), np.empty(5), np.empty(4)
     # θ⁴ ~ eps: see the module's text. 9 levels resolve 1/512 of a quarter turn.
-    deepest = min(9, max(2, int(math.ceil(math.log2(1.6 / (1.5 * eps**0.25))))))
+    angle = 1.5 * eps**0.25
+    deepest = min(9, max(2, int(math.ceil(math.log2(1.6 / angle)))))
     stack[0] = s
     depth[0] = 0
     top = 1
@@ -368,21 +441,41 @@ def patch_factor(s, n, cone, flags, eps, rounding):
         low, inner, high = heights(cell, n)
         if high <= rounding:
             continue
-        if flags & ALWAYS_FRONT:
-            facing = 1
-        else:
+        facing = 1
+        if not flags & ALWAYS_FRONT:
             normal_cone(cell, own)
+            if 0.0 < own[3] < 1.5:
+                # What the sampled normals miss falls by four with each quartering.
+                own[3] -= 0.01 * (1.0 - 0.25**level)
             facing = facing_of(cell, own, rounding)
         if facing < 0:
             continue
         dips = low > 0.0 and inner < 0.0
-        if facing > 0 and not dips:
-            total += max(0.0, contour_factor(cell, n, eps, rounding))
-            continue
-        if level >= deepest and facing == 0 and min(low, inner) > 0.0:
-            total += max(0.0, _silhouette_leaf(cell, n, eps, rounding))
-            continue
-        if level >= deepest + 2 or top + 4 > _STACK:
+        last = level >= deepest + 2
+        if level >= deepest and facing == 0:
+            front = _front_count(cell, 0.0, g, h, hu, hv)
+            near = _is_near(cell, min(4.0 * angle, 1.5))
+            if near and front == 4:
+                # A bend between the corners shows at the middles of the edges.
+                front = _front_count(cell, 0.5, middles, h, hu, hv)
+                # On the net's own edge the contour says nothing; what is near is edge-on there.
+                if front == 4 and _on_edge(cell, edge, h):
+                    front, near = -1, False
+            if front == 4:
+                facing = 1
+            elif near and level < _DEEPEST_NEAR:
+                last = False
+            elif front == 0:
+                continue
+            elif front > 0 and min(low, inner) > 0.0:
+                total += max(0.0, _silhouette_leaf(cell, n, eps, g, edge, h, hu, hv))
+                continue
+        if facing > 0 and (last or not dips):
+            value = _modulo_whole(contour_factor(cell, n, eps, rounding))
+            if last or -doubt <= value <= 1.0 + doubt:
+                total += max(0.0, value)
+                continue
+        if last:
             total += _centre_estimate(cell, n, h, hu, hv)
             continue
         halve_u(cell, low_u, high_u)

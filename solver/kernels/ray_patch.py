@@ -61,6 +61,8 @@ __all__ = [
 MISS, HIT, UNDECIDED = 0, 1, 2
 #: Boxes looked at before giving up; a tangent ray needs about 150.
 _MAX_BOXES = 1000
+#: Boxes are clipped no narrower: below, the rounding of their own limits would lose roots.
+_NARROWEST = 1e-8
 #: Largest tolerance in parameters, for rays along the surface.
 _MAX_TOLERANCE = 1e-5
 
@@ -190,15 +192,17 @@ def hit_general(net, box_u0, box_u1, box_v0, box_v1, t_min, t_max, facing_filter
                 if ok:
                     x, y = (u - u0) / du, (v - v0) / dv
                     found = x >= -tol_u and x <= 1.0 + tol_u and y >= -tol_v and y <= 1.0 + tol_v
-            if not found and (uhi - ulo) * (vhi - vlo) < 0.7:
-                # A box that would become a line keeps some width, so that slopes stay defined.
-                if uhi - ulo < 0.02:
-                    ulo = max(0.0, min(0.5 * (ulo + uhi) - 0.01, 0.98))
-                    uhi = ulo + 0.02
-                if vhi - vlo < 0.02:
-                    vlo = max(0.0, min(0.5 * (vlo + vhi) - 0.01, 0.98))
-                    vhi = vlo + 0.02
-                clipped = True
+            # A box that would become a line keeps some width, so that slopes stay defined; two
+            # roots on one parameter line leave it narrow in one direction only.
+            least_u = min(max(0.02, _NARROWEST / (u1 - u0)), 1.0)
+            least_v = min(max(0.02, _NARROWEST / (v1 - v0)), 1.0)
+            if uhi - ulo < least_u:
+                ulo = max(0.0, min(0.5 * (ulo + uhi - least_u), 1.0 - least_u))
+                uhi = ulo + least_u
+            if vhi - vlo < least_v:
+                vlo = max(0.0, min(0.5 * (vlo + vhi - least_v), 1.0 - least_v))
+                vhi = vlo + least_v
+            clipped = not found and (uhi - ulo) * (vhi - vlo) < 0.7
         if found:
             t = value(work, DISTANCE, u, v) / value(work, WEIGHT, u, v)
             facing = _facing(work, u, v, error)
