@@ -37,6 +37,8 @@ Visibility = Literal["auto", "strict", "none"]
 ABSOLUTE = 1e-12
 #: Levels of quartering of a partly hidden patch: 4^-14 of it.
 _LEVELS = 14
+#: Cells that may bracket the silhouettes of a source whose hiding is ignored.
+_PLAIN_CELLS = 20_000
 #: Standard deviations of the sampled part that "auto" states as its error.
 _DEVIATIONS = 3.0
 
@@ -68,7 +70,8 @@ def point_form_factors(
         below 1e-12 absolute.
     visibility : "auto", "strict" or "none"
         "auto" samples what is left of partly hidden cells and estimates the error; "strict" proves
-        its brackets, up to rounding; "none" ignores all hiding except that of back faces.
+        its brackets, up to rounding; "none" ignores all hiding except that of back faces, and
+        brackets the quadrature, proved likewise.
     method : "default" or "nn93"
         "nn93" is the method of Nishita and Nakamae [1] as published, for comparison.
 
@@ -176,7 +179,7 @@ def _receivers(points: ArrayLike, normals: ArrayLike) -> tuple[FloatArray, Float
 
 def _net_key(net: FloatArray) -> bytes:
     """The same bytes for one surface whatever the direction of its parameters."""
-    scaled = net / net[..., 3].max()
+    scaled = net / net[..., 3].max() + 0.0  # no −0: its bytes differ
     turned = [
         t[::a, ::b] for t in (scaled, scaled.swapaxes(0, 1)) for a in (1, -1) for b in (1, -1)
     ]
@@ -298,7 +301,7 @@ def _factors(
     m, count = len(x), len(source_nets)
     if m == 0 or count == 0:
         empty = np.zeros((m, count))
-        return FormFactors(empty, empty, empty, visibility == "strict")
+        return FormFactors(empty, empty, empty, visibility != "auto")
     sheet = connected(adjacency(nets, np.zeros(len(nets), np.int64)))
     surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet)
     if on is None:
@@ -309,19 +312,22 @@ def _factors(
     # Both a point's distance and a patch's size tell how small its factor may be.
     sources = _sources(source_nets, place, np.full(count, 1.0))
     plain = _rows(x, n, share, on, sources, surfaces, _digits(x, sources, accuracy), trace=False)
-    if visibility == "none":
-        error = accuracy * plain.factors + ABSOLUTE
-        return FormFactors(
-            plain.factors,
-            np.maximum(plain.factors - error, 0.0),
-            np.minimum(plain.factors + error, 1.0),
-            False,
-            plain.counters,
-        )
-    if visibility == "strict":
-        from .strict import strict_form_factors
+    if visibility != "auto":
+        from .strict import MOST_CELLS, strict_form_factors
 
-        return strict_form_factors(x, n, share, on, sources, surfaces, plain, accuracy)
+        hide = visibility == "strict"
+        return strict_form_factors(
+            x,
+            n,
+            share,
+            on,
+            sources,
+            surfaces,
+            plain,
+            accuracy,
+            hide=hide,
+            most_cells=MOST_CELLS if hide else _PLAIN_CELLS,
+        )
     return _estimated(x, n, share, on, sources, surfaces, plain, accuracy)
 
 

@@ -34,6 +34,7 @@ def strict_form_factors(
     plain: Rows,
     accuracy: float,
     *,
+    hide: bool = True,
     most_cells: int = MOST_CELLS,
 ) -> FormFactors:
     """Brackets no wider than ``accuracy`` times the factor without hiding, or 1e-12.
@@ -52,6 +53,9 @@ def strict_form_factors(
         Factors without hiding.
     accuracy : float
         Relative width of a bracket.
+    hide : bool
+        False ignores all hiding: what is left to bracket are silhouettes of the sources, and the
+        value is that of ``plain`` if it lies in the bracket.
     most_cells : int
         Cells one pair may take; its bracket is wider when they do not suffice.
     """
@@ -74,6 +78,7 @@ def strict_form_factors(
         np.maximum(accuracy * plain.factors, 1e-12),
         surfaces,
         int(surfaces.sheet.max()) + 1,
+        hide,
         most_cells,
         low,
         high,
@@ -87,9 +92,8 @@ def strict_form_factors(
         "pyramid_cells": VISITED,
         "cells_left": LEFT,
     }
-    return FormFactors(
-        0.5 * (low + high), low, high, True, {name: int(total[c]) for name, c in names.items()}
-    )
+    value = 0.5 * (low + high) if hide else np.clip(plain.factors, low, high)
+    return FormFactors(value, low, high, True, {name: int(total[c]) for name, c in names.items()})
 
 
 def see_through(blockers: Blockers) -> Surfaces:

@@ -679,7 +679,7 @@ def bracket_pair(
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
 def bracket_rows(
-    nodes, normals, on, nets, place, tangents, centers, goals, surfaces, sheets, most,
+    nodes, normals, on, nets, place, tangents, centers, goals, surfaces, sheets, hide, most,
     low, high, counters,
 ):  # fmt: skip
     """Brackets of the form factors from m points to n sources.
@@ -700,8 +700,12 @@ def bracket_rows(
         Widths at which to stop.
     surfaces : Surfaces
         All that hides light.
-    sheets, most : int
-        Number of connected sheets, and of cells that one pair may take.
+    sheets : int
+        Number of connected sheets.
+    hide : bool
+        False ignores all hiding.
+    most : int
+        Cells that one pair may take.
     low, high : (m, n) array
         Receive the brackets.
     counters : (m, 5) int array
@@ -737,7 +741,7 @@ def bracket_rows(
                 alone = True
             k = 0
             for b in range(count):
-                if pieces.state[b] != NONE and not (alone and b == row):
+                if hide and pieces.state[b] != NONE and not (alone and b == row):
                     roots[k] = b
                     k += 1
             slack = see_tangents(tangents[j], centers[j], x, whole)

@@ -16,7 +16,7 @@ import math
 import numba as nb
 import numpy as np
 
-from .contour import chord_term, horizon_tolerance, shift_net
+from .contour import chord_term, horizon_tolerance, load_edge, shift_net
 from .patch_factor import halve_u, halve_v
 from .sure_contour import point_on
 
@@ -64,12 +64,7 @@ def polygon_factor(s, n, chords):
     loop = np.empty((4 * chords, 3))
     count = 0
     for k in range(4):
-        for i in range(4):
-            a, b = (
-                (i, 0) if k == 0 else ((3, i) if k == 1 else ((3 - i, 3) if k == 2 else (0, 3 - i)))
-            )
-            for d in range(3):
-                c[i, d] = s[a, b, d]
+        load_edge(s, k, c)
         for m in range(chords):
             point_on(c, m / chords, loop[count])
             count += 1
@@ -117,11 +112,10 @@ def _sagitta(s):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _hull_interval(low, high, out):
-    """Interval of t where the hull of (i/3, low_i … high_i) reaches values >= 0; False if none.
+def _hull_interval(high, out):
+    """Cut ``out`` (2,) to where the hull of (i/3, high_i) reaches values >= 0; False if nowhere.
 
-    Bézier clipping: ``high`` are the largest coefficients of each row; ``low`` is not needed as
-    only one side is cut at a time.
+    Bézier clipping: ``high`` (4,) are the largest coefficients of each row of a net.
     """
     t0, t1 = 2.0, -1.0
     for i in range(4):
@@ -189,7 +183,7 @@ def _clip_blocker(s, quad, along_u, out):
                 d = a * p[0] + b * p[1]
                 # Eq. 14: the weight is in the homogeneous coordinates already.
                 rows[i] = max(rows[i], d - low * p[2] if side == 0 else high * p[2] - d)
-        if not _hull_interval(rows, rows, out):
+        if not _hull_interval(rows, out):
             return False
     return True
 
@@ -197,23 +191,18 @@ def _clip_blocker(s, quad, along_u, out):
 @nb.njit(cache=True, error_model="numpy")
 def _add_spans(s, quad, spans, counts):
     """Write where a flat blocker piece crosses each scanline of the quad, as shares of the line."""
-    corner = (0, 1, 2, 3)
     px, py = np.empty(4), np.empty(4)
-    for k in corner:
-        p = s[0, 0] if k == 0 else (s[3, 0] if k == 1 else (s[3, 3] if k == 2 else s[0, 3]))
+    for k in range(4):
+        p = s[3 if 0 < k < 3 else 0, 3 if k > 1 else 0]
         if p[2] <= 0.0:
             return
         px[k], py[k] = p[0] / p[2], p[1] / p[2]
     for line in range(_LINES):
         t = (line + 0.5) / _LINES
-        x0, y0 = (
-            quad[0, 0] + t * (quad[3, 0] - quad[0, 0]),
-            quad[0, 1] + t * (quad[3, 1] - quad[0, 1]),
-        )
-        x1, y1 = (
-            quad[1, 0] + t * (quad[2, 0] - quad[1, 0]),
-            quad[1, 1] + t * (quad[2, 1] - quad[1, 1]),
-        )
+        x0 = quad[0, 0] + t * (quad[3, 0] - quad[0, 0])
+        y0 = quad[0, 1] + t * (quad[3, 1] - quad[0, 1])
+        x1 = quad[1, 0] + t * (quad[2, 0] - quad[1, 0])
+        y1 = quad[1, 1] + t * (quad[2, 1] - quad[1, 1])
         dx, dy = x1 - x0, y1 - y0
         length2 = dx * dx + dy * dy
         a, b = 2.0, -1.0
@@ -253,11 +242,7 @@ def visible_share(cell, blockers, own, fine, stack, spans):
         cell[0, 3, :3] / cell[0, 3, 3] - cell[3, 0, :3] / cell[3, 0, 3],
     )
     for k in range(4):
-        p = (
-            cell[0, 0]
-            if k == 0
-            else (cell[3, 0] if k == 1 else (cell[3, 3] if k == 2 else cell[0, 3]))
-        )
+        p = cell[3 if 0 < k < 3 else 0, 3 if k > 1 else 0]
         depth = z[0] * p[0] + z[1] * p[1] + z[2] * p[2]
         if depth <= 0.0:
             return 1.0
@@ -402,7 +387,7 @@ def nn93_rows(points, normals, sources, place, nets, tolerance, trace, out, boun
                     continue
                 bent = _sagitta(cell)
                 small = band_bound(cell, n, ex, ey) <= tolerance * whole
-                if (deep >= 1 or not trace) and (bent < 1e-12 and not trace) or small or deep >= 9:
+                if (bent < 1e-12 and not trace) or small or deep >= 9:
                     # The flatness test: so many chords that what they cut off is small.
                     chords = min(64, 1 + int(math.sqrt(bent / (0.1 * tolerance + 1e-12))))
                     value = max(0.0, polygon_factor(cell, n, chords))

@@ -1,4 +1,4 @@
-"""Surfaces as one receiver sees them, quartered lazily into pieces, and where they cast shadow edges.
+"""Surfaces as one receiver sees them, quartered lazily into pieces, and their shadow edges.
 
 The side of a piece that is seen follows from the sign of G(u, v) = −det(H, H_u, H_v), the height
 of the receiver over the tangent plane at (u, v). G is linear in the receiver, so its Bernstein
@@ -118,7 +118,7 @@ def _skip(neighbors, box):
 
 @nb.njit(cache=True, error_model="numpy")
 def see_tangents(tangents, center, x, g):
-    """Heights (9, 9) of ``x`` over the tangent planes (9, 9, 4) into ``g``; returns the rounding."""
+    """Write heights (9, 9) of ``x`` over tangent planes (9, 9, 4) to ``g``; return the rounding."""
     dx, dy, dz = x[0] - center[0], x[1] - center[1], x[2] - center[2]
     scale = 0.0
     for i in range(9):

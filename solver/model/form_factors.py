@@ -20,7 +20,7 @@ class FormFactors:
     low, high : (m, n) array
         What the factor lies between. [1]
     proved : bool
-        Whether the brackets are proved (``visibility="strict"``, up to rounding) or estimated.
+        Whether the brackets are proved ("strict" and "none", up to rounding) or estimated.
     counters : mapping
         What was done: pairs skipped and traced, cells looked at.
     """

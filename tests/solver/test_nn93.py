@@ -84,9 +84,8 @@ def test_curved_source_by_polygons():
 def test_shadow_of_a_square_by_pyramids():
     screen = ceiling(-0.5, 0.4, -0.3, 0.2, 1.0)
     found = point_form_factors((0, 0, 0), UP, LAMP, screen, method="nn93").value[0, 0]
-    whole = point_form_factors(
-        (0, 0, 0), UP, PatchSet.concatenated(LAMP, screen), visibility="none"
-    )
+    both = PatchSet.concatenated(LAMP, screen)
+    whole = point_form_factors((0, 0, 0), UP, both, visibility="none")
     assert found == pytest.approx(whole.value[0, 0] - whole.value[0, 1], rel=5e-3)
 
 
