@@ -1,0 +1,396 @@
+"""Form factors from points and between elements: the public entry, without a scene.
+
+The form factor is the fraction of the light leaving a point that reaches the visible + side of a
+patch, F = (1/π) ∫ cosθ_r cosθ_s V / r² dA [1, eq. 4.10; 2, eq. 2].
+
+References
+----------
+.. [1] J. R. Howell, M. P. Mengüç, K. Daun, R. Siegel, "Thermal Radiation Heat Transfer", 7th ed.,
+   CRC Press, 2020.
+.. [2] T. Nishita, E. Nakamae, "A New Radiosity Approach Using Area Sampling for Parametric
+   Patches", 1993.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import InputError
+from .model.arrays import FloatArray, IntArray, check_finite, check_shape
+from .model.bezier import tangents
+from .model.elements import Elements
+from .model.form_factors import FormFactors
+from .model.patches import PatchSet
+
+if TYPE_CHECKING:
+    from .exchange import Rows
+    from .kernels.pyramid import Blockers
+    from .kernels.rows import Sources
+
+Visibility = Literal["auto", "strict", "none"]
+
+#: No accuracy is asked below this. [1]
+ABSOLUTE = 1e-12
+#: Levels of quartering of a partly hidden patch: 4^-14 of it.
+_LEVELS = 14
+#: Cells that may bracket the silhouettes of a source whose hiding is ignored.
+_PLAIN_CELLS = 20_000
+#: Standard deviations of the sampled part that "auto" states as its error.
+_DEVIATIONS = 3.0
+
+
+def point_form_factors(
+    points: ArrayLike,
+    normals: ArrayLike,
+    sources: PatchSet,
+    blockers: PatchSet | None = None,
+    *,
+    accuracy: float = 1e-4,
+    visibility: Visibility = "auto",
+    method: Literal["default", "nn93"] = "default",
+) -> FormFactors:
+    """Form factors from points to curved patches.
+
+    Parameters
+    ----------
+    points : (m, 3) array
+        Receiving points. [m]
+    normals : (m, 3) array
+        Their normals, of any length, or one (3,) for all; what lies behind a point does not count.
+    sources : PatchSet
+        Source patches: they count on their + side only, and hide one another and themselves.
+    blockers : PatchSet, optional
+        Patches that hide light from both sides besides. One identical to a source is none.
+    accuracy : float
+        Largest |value − true| relative to the patch's own factor without any hiding, but never
+        below 1e-12 absolute.
+    visibility : "auto", "strict" or "none"
+        "auto" samples what is left of partly hidden cells and estimates the error; "strict" proves
+        its brackets, up to rounding; "none" ignores all hiding except that of back faces, and
+        brackets the quadrature, proved likewise.
+    method : "default" or "nn93"
+        "nn93" is the method of Nishita and Nakamae [1] as published, for comparison.
+
+    Returns
+    -------
+    FormFactors
+        (m, n) arrays. [1]
+
+    Raises
+    ------
+    InputError
+        If a shape, value or option cannot be used.
+    NumericsError
+        If a form factor is not finite.
+
+    References
+    ----------
+    .. [1] T. Nishita, E. Nakamae, "A New Radiosity Approach Using Area Sampling for Parametric
+       Patches", 1993.
+    """
+    x, n = _receivers(points, normals)
+    _check_options(accuracy, visibility)
+    if method == "nn93":
+        from .nn93 import nn93_form_factors
+
+        return nn93_form_factors(x, n, sources, blockers, accuracy=accuracy, visibility=visibility)
+    if method != "default":
+        raise InputError(f"method = {method!r}: must be 'default' or 'nn93'")
+    nets, place = distinct_nets(sources, blockers)
+    return _factors(
+        x, n, sources.control_points, place, nets, accuracy=accuracy, visibility=visibility
+    )
+
+
+def form_factors(
+    elements: Elements | PatchSet,
+    *,
+    blockers: PatchSet | None = None,
+    accuracy: float = 1e-4,
+    visibility: Visibility = "auto",
+) -> FormFactors:
+    """Form factors from the collocation nodes of elements to all elements.
+
+    Parameters
+    ----------
+    elements : Elements or PatchSet
+        n elements with q nodes each; a `PatchSet` gives one element with 2 x 2 nodes a patch.
+    blockers, accuracy, visibility
+        As in `point_form_factors`.
+
+    Returns
+    -------
+    FormFactors
+        (n q, n) arrays: the nodes of element 0, of element 1 … Buried nodes get no light. [1]
+
+    Raises
+    ------
+    InputError, GeometryError, NumericsError
+        As `point_form_factors`; `GeometryError` if a patch has no area.
+    """
+    _check_options(accuracy, visibility)
+    if isinstance(elements, PatchSet):
+        from .mesh import make_elements
+
+        count = len(elements)
+        elements = make_elements(elements, np.zeros(count, bool), np.ones((count, 2), np.int64))
+    own = PatchSet(elements.nets)
+    nets, place = distinct_nets(own, blockers)
+    q = elements.weights.shape[1]
+    return _factors(
+        elements.nodes.reshape(-1, 3),
+        elements.normals.reshape(-1, 3),
+        elements.nets,
+        place,
+        nets,
+        accuracy=accuracy,
+        visibility=visibility,
+        on=np.repeat(place, q),
+        buried=np.asarray(elements.buried).ravel(),
+    )
+
+
+def _check_options(accuracy: float, visibility: str) -> None:
+    if not (math.isfinite(accuracy) and 0.0 < accuracy < 1.0):
+        raise InputError(f"accuracy = {accuracy}: must lie between 0 and 1")
+    if visibility not in ("auto", "strict", "none"):
+        raise InputError(f"visibility = {visibility!r}: must be 'auto', 'strict' or 'none'")
+
+
+def _receivers(points: ArrayLike, normals: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Points (m, 3) and unit normals (m, 3), checked."""
+    x = np.atleast_2d(np.asarray(points, dtype=np.float64))
+    check_shape("points", x, (None, 3))
+    check_finite("points", x)
+    n = np.atleast_2d(np.asarray(normals, dtype=np.float64))
+    if len(n) == 1:
+        n = np.broadcast_to(n, x.shape)
+    check_shape("normals", n, x.shape)
+    check_finite("normals", n)
+    length = np.linalg.norm(n, axis=1)
+    if (length == 0.0).any():
+        raise InputError(f"normals[{int(np.argmin(length))}] = (0, 0, 0): must have a direction")
+    return x, np.ascontiguousarray(n / length[:, None])
+
+
+def _net_key(net: FloatArray) -> bytes:
+    """The same bytes for one surface whatever the direction of its parameters."""
+    scaled = net / net[..., 3].max() + 0.0  # no −0: its bytes differ
+    turned = [
+        t[::a, ::b] for t in (scaled, scaled.swapaxes(0, 1)) for a in (1, -1) for b in (1, -1)
+    ]
+    return min(np.ascontiguousarray(t).tobytes() for t in turned)
+
+
+def distinct_nets(
+    sources: PatchSet, blockers: PatchSet | None = None
+) -> tuple[FloatArray, IntArray]:
+    """Every surface once, however often and in whatever direction of parameters it is given.
+
+    Returns
+    -------
+    nets : (p, 4, 4, 4) array
+        The surfaces that hide light.
+    place : (n,) int array
+        Row of each source among them.
+    """
+    rows: dict[bytes, int] = {}
+    nets: list[FloatArray] = []
+    place = np.empty(len(sources), dtype=np.int64)
+    for k, net in enumerate(sources.control_points):
+        key = _net_key(net)
+        if key not in rows:
+            rows[key] = len(nets)
+            nets.append(net)
+        place[k] = rows[key]
+    for net in () if blockers is None else blockers.control_points:
+        key = _net_key(net)
+        if key not in rows:
+            rows[key] = len(nets)
+            nets.append(net)
+    return np.array(nets).reshape(-1, 4, 4, 4), place
+
+
+def connected(adjacent: IntArray) -> IntArray:
+    """Number of the connected sheet each patch belongs to, from its neighbours (p, 4)."""
+    label = np.full(len(adjacent), -1, dtype=np.int64)
+    count = 0
+    for seed in range(len(adjacent)):
+        if label[seed] >= 0:
+            continue
+        label[seed] = count
+        stack = [seed]
+        while stack:
+            for other in adjacent[stack.pop()]:
+                if other >= 0 and label[other] < 0:
+                    label[other] = count
+                    stack.append(int(other))
+        count += 1
+    return label
+
+
+def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntArray:
+    """Curved patch (m,) that each point lies on within 1e-9 of its size, −1 for none.
+
+    Points in a plane need no telling: they see it edge-on. Newton's iteration from the nearest of
+    9 x 9 points of the surface.
+    """
+    from .topology import PLANAR, bounding_spheres
+
+    out = np.full(len(points), -1, dtype=np.int64)
+    spheres = bounding_spheres(nets)
+    t = np.linspace(0.0, 1.0, 9)
+    grid = [g.ravel() for g in np.meshgrid(t, t, indexing="ij")]
+    for p in np.flatnonzero((flags & PLANAR) == 0):
+        near = np.linalg.norm(points - spheres[p, :3], axis=1) <= spheres[p, 3]
+        if not near.any():
+            continue
+        at, _, _ = tangents(nets[p], *grid)
+        for i in np.flatnonzero(near & (out < 0)):
+            k = int(np.argmin(np.linalg.norm(at - points[i], axis=1)))
+            u, v = grid[0][k], grid[1][k]
+            for _ in range(20):
+                point, su, sv = tangents(nets[p], u, v)
+                step, *_ = np.linalg.lstsq(np.stack([su, sv], 1), points[i] - point, rcond=None)
+                u, v = float(np.clip(u + step[0], 0, 1)), float(np.clip(v + step[1], 0, 1))
+            point, _, _ = tangents(nets[p], u, v)
+            if np.linalg.norm(point - points[i]) <= 1e-9 * spheres[p, 3]:
+                out[i] = p
+    return out
+
+
+def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources:
+    """Every net as a source element of its own."""
+    from .kernels.rows import Sources
+    from .topology import bounding_spheres, normal_cones, shape_flags, writable
+
+    rows = np.arange(len(nets))
+    cones, spheres = normal_cones(nets), bounding_spheres(nets)
+    return Sources(
+        nets=writable(nets),
+        cones=cones,
+        spheres=spheres,
+        flags=shape_flags(nets),
+        cell_eps=writable(cell_eps),
+        group=np.stack([rows, rows + 1, place], axis=1),
+        group_nets=writable(nets),
+        group_cones=cones.copy(),
+        group_spheres=spheres.copy(),
+    )
+
+
+def _factors(
+    x: FloatArray,
+    n: FloatArray,
+    source_nets: FloatArray,
+    place: IntArray,
+    nets: FloatArray,
+    *,
+    accuracy: float,
+    visibility: Visibility,
+    on: IntArray | None = None,
+    buried: IntArray | None = None,
+) -> FormFactors:
+    """All three ways; ``on`` (m,) names the surface each point lies on, where it is known."""
+    from .topology import adjacency, make_blockers, shape_flags
+
+    m, count = len(x), len(source_nets)
+    if m == 0 or count == 0:
+        empty = np.zeros((m, count))
+        return FormFactors(empty, empty, empty, visibility != "auto")
+    sheet = connected(adjacency(nets, np.zeros(len(nets), np.int64)))
+    surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet)
+    if on is None:
+        on = patches_under(x, nets, shape_flags(nets))
+    share = np.ones((m, 1))
+    if buried is not None:
+        share[buried] = 0.0
+    # Both a point's distance and a patch's size tell how small its factor may be.
+    sources = _sources(source_nets, place, np.full(count, 1.0))
+    plain = _rows(x, n, share, on, sources, surfaces, _digits(x, sources, accuracy), trace=False)
+    if visibility != "auto":
+        from .strict import MOST_CELLS, strict_form_factors
+
+        hide = visibility == "strict"
+        return strict_form_factors(
+            x,
+            n,
+            share,
+            on,
+            sources,
+            surfaces,
+            plain,
+            accuracy,
+            hide=hide,
+            most_cells=MOST_CELLS if hide else _PLAIN_CELLS,
+        )
+    return _estimated(x, n, share, on, sources, surfaces, plain, accuracy)
+
+
+def _rows(
+    x: FloatArray,
+    n: FloatArray,
+    share: FloatArray,
+    on: IntArray,
+    sources: Sources,
+    surfaces: Blockers,
+    eps: float,
+    *,
+    trace: bool,
+) -> Rows:
+    from .exchange import form_factor_matrix
+
+    return form_factor_matrix(
+        x[:, None], n[:, None], share, on, sources, surfaces, eps=eps, trace=trace, levels=_LEVELS
+    )
+
+
+def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
+    """Accuracy for the kernel, which spends fewer digits on patches of a small solid angle.
+
+    It allows 0.05 eps / (r/d)²; here every patch is to have ``accuracy`` of its own factor.
+    """
+    distance = np.linalg.norm(x[:, None] - sources.spheres[None, :, :3], axis=2)
+    smallest = float((sources.spheres[:, 3] / np.maximum(distance, 1e-300)).min())
+    return float(max(0.1 * accuracy * min(1.0, 20.0 * smallest**2), 1e-13))
+
+
+def _estimated(
+    x: FloatArray,
+    n: FloatArray,
+    share: FloatArray,
+    on: IntArray,
+    sources: Sources,
+    surfaces: Blockers,
+    plain: Rows,
+    accuracy: float,
+) -> FormFactors:
+    """Cells of partly hidden patches quartered until what is sampled of them is small enough."""
+    # Along an outline of a few patch lengths lie 2 … 4 sqrt(F/e) cells of factor e, each sampled
+    # with a deviation of 0.2 e: the sum deviates by 0.4 e (F/e)^(1/4), and three times that is
+    # to stay below accuracy F.
+    relative = (accuracy / (3.0 * 0.4)) ** (4.0 / 3.0)
+    eps = _digits(x, sources, accuracy)
+    value, variance = np.empty_like(plain.factors), np.empty_like(plain.factors)
+    counters: dict[str, int] = {}
+    for i in range(len(x)):
+        row = slice(i, i + 1)
+        own = sources._replace(cell_eps=np.maximum(relative * plain.factors[i], 0.01 * ABSOLUTE))
+        found = _rows(x[row], n[row], share[row], on[row], own, surfaces, eps, trace=True)
+        value[i], variance[i] = found.factors[0], found.variances[0]
+        for name, number in found.counters.items():
+            counters[name] = counters.get(name, 0) + number
+    # Rounding and quadrature may put a factor above what it is without hiding.
+    value = np.minimum(value, plain.factors)
+    error = _DEVIATIONS * np.sqrt(variance) + 0.1 * accuracy * value + ABSOLUTE
+    return FormFactors(
+        value,
+        np.maximum(value - error, 0.0),
+        np.minimum(value + error, np.maximum(plain.factors, value)),
+        False,
+        counters,
+    )

@@ -1,0 +1,197 @@
+"""Strict form factors: proved brackets from `kernels.brackets`."""
+
+from __future__ import annotations
+
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .model import bezier
+from .model.arrays import FloatArray, IntArray
+from .model.form_factors import FormFactors
+
+if TYPE_CHECKING:
+    from .exchange import Rows
+    from .kernels.pieces import Surfaces
+    from .kernels.pyramid import Blockers
+    from .kernels.rows import Sources
+
+#: Cells that one pair of point and patch may take.
+MOST_CELLS = 150_000
+
+#: Whether a side of a patch runs counter-clockwise (1) as its parameter grows, or not (−1).
+_TURN = (1, 1, -1, -1)
+
+
+def strict_form_factors(
+    x: FloatArray,
+    n: FloatArray,
+    share: FloatArray,
+    on: IntArray,
+    sources: Sources,
+    blockers: Blockers,
+    plain: Rows,
+    accuracy: float,
+    *,
+    hide: bool = True,
+    most_cells: int = MOST_CELLS,
+) -> FormFactors:
+    """Brackets no wider than ``accuracy`` times the factor without hiding, or 1e-12.
+
+    Parameters
+    ----------
+    x, n : (m, 3) array
+        Points [m] and unit normals.
+    share : (m, 1) array
+        0 for points that get no light.
+    on : (m,) int array
+        Surface each point lies on, −1 for none.
+    sources, blockers
+        Sources and all distinct surfaces; ``sources.group[:, 2]`` names the surface of each.
+    plain : Rows
+        Factors without hiding.
+    accuracy : float
+        Relative width of a bracket.
+    hide : bool
+        False ignores all hiding: what is left to bracket are silhouettes of the sources, and the
+        value is that of ``plain`` if it lies in the bracket.
+    most_cells : int
+        Cells one pair may take; its bracket is wider when they do not suffice.
+    """
+    from .kernels.brackets import LEFT, SKIPPED, TRACED, VISITED, WHOLE, bracket_rows
+    from .topology import writable
+
+    surfaces = see_through(blockers)
+    tangents, centers = tangent_planes(sources.nets)
+    shape = plain.factors.shape
+    low, high = np.zeros(shape), np.zeros(shape)
+    counters = np.zeros((len(x), 5), dtype=np.int64)
+    bracket_rows(
+        writable(x),
+        writable(n * share),
+        writable(on, np.int64),
+        sources.nets,
+        writable(sources.group[:, 2], np.int64),
+        tangents,
+        centers,
+        np.maximum(accuracy * plain.factors, 1e-12),
+        surfaces,
+        int(surfaces.sheet.max()) + 1,
+        hide,
+        most_cells,
+        low,
+        high,
+        counters,
+    )
+    total = counters.sum(axis=0)
+    names = {
+        "pairs_not_seen": SKIPPED,
+        "pairs_without_blocker": WHOLE,
+        "pairs_traced": TRACED,
+        "pyramid_cells": VISITED,
+        "cells_left": LEFT,
+    }
+    value = 0.5 * (low + high) if hide else np.clip(plain.factors, low, high)
+    return FormFactors(value, low, high, True, {name: int(total[c]) for name, c in names.items()})
+
+
+def see_through(blockers: Blockers) -> Surfaces:
+    """What `kernels.brackets` needs to know of the surfaces."""
+    from .kernels.pieces import Surfaces
+    from .topology import writable
+
+    tangents, centers = tangent_planes(blockers.nets)
+    return Surfaces(
+        nets=blockers.nets,
+        kinds=blockers.kinds,
+        tangents=tangents,
+        centers=centers,
+        neighbors=neighbors(blockers.nets, blockers.adjacent),
+        sheet=writable(blockers.solid, np.int64),
+        flags=blockers.flags,
+    )
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Product of polynomials (p, i, j) in scaled Bernstein form."""
+    out = np.zeros((len(a), a.shape[1] + b.shape[1] - 1, a.shape[2] + b.shape[2] - 1))
+    for i in range(a.shape[1]):
+        for j in range(a.shape[2]):
+            out[:, i : i + b.shape[1], j : j + b.shape[2]] += a[:, i, j, None, None] * b
+    return out
+
+
+def _binomials(degree: int) -> FloatArray:
+    return np.array([comb(degree, k) for k in range(degree + 1)], dtype=np.float64)
+
+
+def tangent_planes(nets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bernstein coefficients (n, 9, 9, 4) of the tangent planes of nets, about ``centers`` (n, 3).
+
+    The plane at (u, v) is the set of points (x, 1) with −det(P, P_u, P_v, (x, 1)) = 0, P being
+    homogeneous; its value is positive on the + side [1, sec. 14.6 and 15.2]. Coefficients are
+    scaled to a largest one of 1, x in metres.
+
+    References
+    ----------
+    .. [1] G. Farin, "Curves and Surfaces for CAGD", 5th ed., Morgan Kaufmann, 2002.
+    """
+    points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
+    centers = 0.5 * (points.min(axis=1) + points.max(axis=1))
+    h = nets / nets[..., 3:].max(axis=(1, 2))[:, None, None]
+    h[..., :3] -= centers[:, None, None] * h[..., 3:]
+    b2, b3, b8 = _binomials(2), _binomials(3), _binomials(8)
+    p = h * (b3[:, None] * b3)[..., None]
+    pu = np.diff(h, axis=1) * (b2[:, None] * b3)[..., None]
+    pv = np.diff(h, axis=2) * (b3[:, None] * b2)[..., None]
+
+    def minor(a: int, b: int) -> FloatArray:
+        return _product(pu[..., a], pv[..., b]) - _product(pu[..., b], pv[..., a])
+
+    planes = np.empty((len(nets), 9, 9, 4))
+    for k in range(4):
+        a, b, c = (i for i in range(4) if i != k)
+        det = (
+            _product(p[..., a], minor(b, c))
+            - _product(p[..., b], minor(a, c))
+            + _product(p[..., c], minor(a, b))
+        )
+        # Cofactor of the last row, (−1)^(3+k), and the sign of the definition.
+        planes[..., k] = det * (1.0 if k % 2 == 0 else -1.0) / (b8[:, None] * b8)
+    size = np.abs(planes).max(axis=(1, 2, 3), keepdims=True)
+    return planes / np.where(size > 0.0, size, 1.0), centers
+
+
+def neighbors(nets: FloatArray, adjacent: IntArray) -> IntArray:
+    """What lies beyond each side of each patch: (n, 4, 4) as in `kernels.pieces.Surfaces`."""
+    from .kernels.pieces import COLLAPSED, FREE
+
+    n = len(nets)
+    out = np.full((n, 4, 4), FREE, dtype=np.int64)
+    t = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+    edges = np.empty((n, 4, 4, 3))
+    for k, (u, v) in enumerate(((t, 0 * t), (0 * t + 1, t), (t, 0 * t + 1), (0 * t, t))):
+        bu, bv = bezier.bernstein(u), bezier.bernstein(v)
+        h = np.einsum("ti,tj,pijk->ptk", bu, bv, nets, optimize=True)
+        edges[:, k] = h[..., :3] / h[..., 3:]
+    extent = np.ptp(edges.reshape(n, -1, 3), axis=1).max(axis=1)
+    for a in range(n):
+        for side in range(4):
+            own = edges[a, side]
+            if np.abs(own - own[0]).max() <= 1e-12 * extent[a]:
+                out[a, side, 0] = COLLAPSED
+                continue
+            b = adjacent[a, side]
+            if b < 0:
+                continue
+            same = [float(np.abs(edges[b, k] - own).max()) for k in range(4)]
+            turned = [float(np.abs(edges[b, k] - own[::-1]).max()) for k in range(4)]
+            if b == a:  # a patch that closes on itself: not with this side
+                same[side] = np.inf
+            k = int(np.argmin(np.minimum(same, turned)))
+            reverse = turned[k] < same[k]
+            # Neighbours of one orientation run through their edge in opposite directions.
+            consistent = _TURN[side] * _TURN[k] * (-1 if reverse else 1) < 0
+            out[a, side] = b, k, int(reverse), 1 if consistent else -1
+    return out
