@@ -86,7 +86,7 @@ def _seconds(entry: dict | None) -> str:
 def table(reports: list[CaseReport]) -> str:
     """CPU seconds to each target and the best error of each tool, as Markdown."""
     lines = [
-        "| case | tool | CPU s to 1 % | CPU s to 0.1 % | best rms | its max | its CPU s | setting |",
+        "| case | tool | CPU s to 1 % | CPU s to 0.1 % | best rms | max | at CPU s | setting |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for report in reports:

@@ -1,4 +1,4 @@
-"""An empty room with four black lamps in its ceiling: the work plane, and points on its surfaces."""
+"""An empty room with four black ceiling lamps: the work plane, and points on its surfaces."""
 
 import numpy as np
 import truth_room
