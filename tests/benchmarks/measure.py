@@ -67,7 +67,7 @@ def worth_trying(points: list[Point], limit: float) -> bool:
     if not points:
         return True
     growth = points[-1].cpu_s / points[-2].cpu_s if len(points) > 1 else 4.0
-    return points[-1].cpu_s * max(growth, 1.0) <= limit
+    return points[-1].cpu_s * min(max(growth, 1.0), 4.0) <= limit
 
 
 def cost(points: list[Point], target: float) -> tuple[float, str] | None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from patchlight.solver.model import PatchSet
 from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.shapes import arc
 from radiance_scene import area, polygons
 
 Vector = tuple[float, float, float]
@@ -32,9 +34,12 @@ class Shape:
         return None
 
     def cut(self, first: int, second: int) -> tuple[list[FloatArray], float]:
-        """Polygons (k, 3) with that many pieces along a patch's sides; exact area over theirs."""
+        """Polygons (k, 3) with that many pieces along a patch's sides; exact area over theirs.
+
+        ``second`` is for flat patches with curved sides, 0 leaves them whole.
+        """
         patches = self.patches()
-        rings = [ring for patch in polygons(patches, first, second) for ring in patch]
+        rings = [ring for patch in polygons(patches, first, second or None) for ring in patch]
         return rings, float(patches.areas().sum()) / sum(area(ring) for ring in rings)
 
 
@@ -93,6 +98,42 @@ class Sphere(Shape):
             "radius": self.radius,
             "flip_normals": self.inward,
         }
+
+
+@dataclass(frozen=True)
+class OpenCavity(Shape):
+    """A sphere seen from within, cut off at the height ``top`` above its centre. [m]
+
+    The peers, which know whole spheres only, get one: what closes the cut hides the rest.
+    """
+
+    center: Vector
+    radius: float
+    top: float
+
+    def patches(self) -> PatchSet:
+        nets = []
+        end = math.asin(self.top / self.radius)
+        for low, high in ((-0.5 * math.pi, 0.0), (0.0, end)):
+            profile = arc(low, high)
+            if low < 0.0:
+                profile[0, 0] = 0.0  # cos 90° is not zero in floating point
+            for k in range(4):
+                turn = arc(0.5 * math.pi * k, 0.5 * math.pi * (k + 1))
+                net = np.empty((4, 4, 4))
+                net[..., 3] = turn[:, None, 2] * profile[None, :, 2]
+                for axis in (0, 1):
+                    net[..., axis] = self.radius * turn[:, None, axis] * profile[None, :, 0]
+                net[..., 2] = self.radius * turn[:, None, 2] * profile[None, :, 1]
+                net[..., :3] += net[..., 3:] * np.array(self.center)
+                nets.append(net)
+        return PatchSet(np.array(nets)).flipped()
+
+    def radiance(self) -> tuple[str, tuple[float, ...]]:
+        return Sphere(self.center, self.radius, inward=True).radiance()
+
+    def mitsuba(self) -> dict:
+        return Sphere(self.center, self.radius, inward=True).mitsuba()
 
 
 @dataclass(frozen=True)

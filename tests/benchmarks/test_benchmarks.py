@@ -150,9 +150,9 @@ def test_cost_is_read_off_between_points():
     # of the quickest settings, about twice what they have.
     ("case", "bounds"),
     [
-        ("A1_far", {"patchlight": 1e-2, "radiance": 3e-2, "mitsuba": 6e-2}),
-        ("B", {"patchlight": 2e-2, "radiance": 1.0, "mitsuba": 6e-2}),
-        ("C3", {"patchlight": 5e-2, "radiance": 8e-2, "mitsuba": 8e-2}),
+        ("A1_far", {"patchlight": 1e-9, "radiance": 2e-2, "mitsuba": 6e-2}),
+        ("B", {"patchlight": 1e-1, "radiance": 7e-2, "mitsuba": 6e-2}),
+        ("C3", {"patchlight": 2e-2, "radiance": 3e-2, "mitsuba": 8e-2}),
     ],
 )
 def test_cheap_case_through_every_tool(tmp_path, case, bounds):

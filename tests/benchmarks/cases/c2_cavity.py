@@ -11,7 +11,7 @@ import numpy as np
 import truths
 from case import Body, Case, RadianceSetting, accuracies, samples
 from patchlight.solver.model.arrays import FloatArray
-from shapes import Disk, Sphere
+from shapes import Disk, OpenCavity
 
 APERTURE = 0.2
 TOP = math.sqrt(1.0 - APERTURE**2)
@@ -44,13 +44,13 @@ def _case(name: str, rho: float, **more) -> Case:
         title=f"spherical cavity of reflectance {rho}, lit by a disk of radius 0.2 m in its top",
         bodies=(
             Body(Disk((0.0, 0.0, TOP), APERTURE, (0.0, 0.0, -1.0)), radiance=1.0, solid=0),
-            Body(Sphere((0.0, 0.0, 0.0), 1.0, inward=True), reflectance=rho, solid=0),
+            Body(OpenCavity((0.0, 0.0, 0.0), 1.0, TOP), reflectance=rho, solid=0),
         ),
         points=POINTS,
         normals=NORMALS,
         truth=lambda: _truth(rho),
         how="closed form",
-        patchlight=accuracies(0.1, 0.05, 0.02, 0.01),
+        patchlight=accuracies(0.3, 0.1, 0.05, 0.02),
         **more,
     )
 
@@ -59,8 +59,8 @@ DARK = _case(
     "C2_rho50",
     0.5,
     radiance=tuple(
-        RadianceSetting((4, 4), f"-ds 0.05 -ab 8 -ad {ad} -lr 8 -lw {0.2 / ad:.1e}", False)
-        for ad in (64, 256, 1024, 4096)
+        RadianceSetting((8, 0), f"-ds 0 -ab 20 -ad {ad} -lr -20 -lw {0.05 / ad:.1e}", False)
+        for ad in (8, 32, 128, 512)
     ),
     mitsuba=samples(64, 256, 1024, 4096, 16384, depth=24),
 )
@@ -68,8 +68,8 @@ BRIGHT = _case(
     "C2_rho80",
     0.8,
     radiance=tuple(
-        RadianceSetting((2, 2), f"-ds 0.3 -ab 40 -ad {ad} -lr -40 -lw 1e-7", False)
-        for ad in (32, 128, 512, 1024)
+        RadianceSetting((8, 0), f"-ds 0 -ab 40 -ad {ad} -lr -40 -lw {0.01 / ad:.1e}", False)
+        for ad in (8, 32, 128, 512)
     ),
     mitsuba=samples(64, 256, 1024, 4096, 16384, depth=64),
 )
