@@ -90,7 +90,7 @@ def _cavity(radiance: Radiance, rho: float, quick: bool) -> Check:
     area = math.pi * aperture**2
     scene = _scene(patches, rho, lamps, _lamp(math.pi * area, area))
     octree = radiance.octree(
-        f"cavity{rho}", surfaces(scene, lit="lamps", fineness=Fineness(24, 16, 4))
+        f"cavity{rho}", surfaces(scene, lit="lamps", fineness=Fineness(24, 8, 2))
     )
     z = np.linspace(-0.9, 0.7, 9)
     turn = 2.4 * np.arange(9)
@@ -98,7 +98,7 @@ def _cavity(radiance: Radiance, rho: float, quick: bool) -> Check:
     outward = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
     # In front of the facets, which lie up to 1e-3 inside the sphere.
     traced = radiance.trace(
-        octree, 0.998 * outward, -outward, indirect(64 if quick else 256, 0.2), repeats=6
+        octree, 0.998 * outward, -outward, indirect(32 if quick else 256, 0.2), repeats=6
     )
     share = 0.5 * (1.0 - height)
     truth = math.pi * share / (1.0 - rho * (1.0 - share))

@@ -1,0 +1,11 @@
+"""All cases, in the order in which they run; a new one is a file here and a line below."""
+
+from .a1_square import FAR, NEAR
+from .a2_hexagonal_room import CASE as HEXAGON
+from .a3_sphere import CASE as SPHERE
+from .a4_cylinder import CASE as CYLINDER
+from .b_penumbra import CASE as PENUMBRA
+from .c2_cavity import BRIGHT, DARK
+from .c3_room import SURFACES, WORKPLANE
+
+CASES = (NEAR, FAR, HEXAGON, SPHERE, CYLINDER, PENUMBRA, DARK, BRIGHT, WORKPLANE, SURFACES)

@@ -1,0 +1,175 @@
+"""The truths against second ways to find them, and cheap cases through every tool."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parent
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _on_path():
+    """The harness is a folder of scripts, not a package."""
+    sys.path.insert(0, str(FOLDER))
+    yield
+    sys.path.remove(str(FOLDER))
+
+
+def _sum(points, normals, at, outward, weights):
+    """Irradiance by a plain sum over source points, all seen."""
+    to = at[None] - points[:, None]
+    r2 = (to**2).sum(-1)
+    facing = np.maximum(-(to * outward[None]).sum(-1), 0.0)
+    return ((to * normals[:, None]).sum(-1) * facing / r2**2 * weights).sum(1)
+
+
+def _cells(count):
+    return (np.arange(count) + 0.5) / count
+
+
+def test_square_and_disk_agree_with_sums():
+    from truths import disk, polygon
+
+    points = np.array([[0.1, 0.2, 0.0], [1.5, -0.4, 0.3]])
+    normals = np.array([[0.0, 0.0, 1.0], [-0.6, 0.0, 0.8]])
+    s = 2.0 * _cells(400) - 1.0
+    x, y = (g.ravel() for g in np.meshgrid(s, s))
+    at = np.stack([x, y, np.full_like(x, 1.0)], axis=1)
+    corners = np.array([[-1.0, -1, 1], [-1, 1, 1], [1, 1, 1], [1, -1, 1]])
+    expected = _sum(points, normals, at, -UP, np.full(len(at), 4.0 / len(at)))
+    # Midpoint rule: error of the order of the cell's size squared, 6e-6.
+    assert polygon(points, normals, corners) == pytest.approx(expected, rel=2e-5)
+    # Radii at midpoints, weights 2 π r dr / turns; the rule's error is of the same order.
+    r, t = (g.ravel() for g in np.meshgrid(_cells(400), 2.0 * math.pi * _cells(400)))
+    at = np.stack([r * np.cos(t), r * np.sin(t), np.full_like(r, 1.0)], axis=1)
+    expected = _sum(points, normals, at, -UP, 2.0 * math.pi * r / 400**2)
+    assert disk(points, normals, (0, 0, 1), 1.0, (0, 0, -1)) == pytest.approx(expected, rel=2e-5)
+
+
+def test_sphere_agrees_with_a_disk_of_the_same_outline():
+    """From a point a sphere looks like the disk its tangents touch, also at a low sun."""
+    from truths import disk, polygon, sphere
+
+    radius, distance = 0.25, 0.6
+    points, normals = np.zeros((3, 3)), np.array([[0, 0, 1], [0.6, 0, 0.8], [0, -0.8, 0.6]])
+    height = distance - radius**2 / distance
+    rim = radius * math.sqrt(1.0 - (radius / distance) ** 2)
+    expected = disk(points, normals, (0, 0, height), rim, (0, 0, -1))
+    found = sphere(points, normals, (0, 0, distance), radius)
+    # Both are exact; the contour sum of 512 steps has converged.
+    assert found == pytest.approx(expected, rel=1e-11)
+    half = sphere(points[:1], np.array([[1.0, 0, 0]]), (0, 0, distance), radius)
+    arc = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 2001)
+    above = np.stack([rim * np.cos(arc), rim * np.sin(arc), np.full_like(arc, height)], axis=1)
+    cut = polygon(points[:1], np.array([[1.0, 0, 0]]), above[::-1])
+    # A half disk as a polygon of 2000 sides: area short by 4e-7.
+    assert half == pytest.approx(cut, rel=2e-6)
+
+
+def test_cylinder_agrees_with_a_sum_over_its_surface():
+    from truths import cylinder_above
+
+    points = np.array([[0.0, 0.0, 0.0], [0.7, 0.9, 1.0], [1.6, -0.5, 1.5]])
+    x, t = (g.ravel() for g in np.meshgrid(2.0 * _cells(600) - 1.0, 2.0 * math.pi * _cells(2400)))
+    out = np.stack([np.zeros_like(t), np.cos(t), np.sin(t)], axis=1)
+    at = np.stack([x, 0.15 * out[:, 1], 2.0 + 0.15 * out[:, 2]], axis=1)
+    weights = np.full(len(x), 2.0 * 2.0 * math.pi * 0.15 / len(x))
+    expected = _sum(points, np.tile(UP, (3, 1)), at, out, weights)
+    found = cylinder_above(points, 2.0, 1.0, 0.15)
+    # The facing cosine has a kink at the silhouette: midpoint rule to (2 π / 2400)².
+    assert found == pytest.approx(expected, rel=3e-5)
+
+
+def test_penumbra_agrees_with_a_fine_grid_of_rays():
+    from truth_penumbra import square_behind_sphere
+
+    points = np.array([(-1, -1, 0), (-0.5, -0.5, 0), (-0.5, 0, 0), (0.2, 0.1, 0), (0.9, 0.1, 0)])
+    points = points.astype(float)
+    center, radius = np.array([0.0, 0.0, 1.2]), 0.3
+    s = _cells(1000) - 0.5
+    x, y = np.meshgrid(s, s)
+    all_found = square_behind_sphere(points, 1.0, 2.5, center, radius)
+    for point, found in zip(points, all_found, strict=True):
+        to = np.stack([x - point[0], y - point[1], np.full_like(x, 2.5)], axis=-1)
+        r2 = (to**2).sum(-1)
+        ball = center - point
+        free = ball @ ball - (to @ ball) ** 2 / r2 > radius**2
+        # Cells cut by the shadow's edge are right or wrong at random: about 1e-3 / 1000^0.5.
+        assert found == pytest.approx(float((2.5**2 / r2**2 * free).mean()), abs=2e-5)
+
+
+def test_room_of_one_reflectance_balances():
+    """All that the lamps send is absorbed: ∫ E (1 − ρ) over the walls is π A of the lamps."""
+    from truth_room import FACES, Room, _Mesh, _reflectance, _solved
+
+    panels = np.array([(x, x + 0.6, y, y + 0.6) for x in (0.7, 2.7) for y in (0.4, 2.0)])
+    lines = (
+        (0.0, 0.05, 0.2, 0.45, 0.7, 1.0, 1.3, 1.65, 2.0),
+        (0.0, 0.05, 0.2, 0.4, 0.7, 1.0, 1.25, 1.5),
+        (0.0, 0.05, 0.2, 0.5, 0.9, 1.35, 1.8, 2.2, 2.5, 2.65, 2.7),
+    )
+    room = Room((4.0, 3.0, 2.7), 0.2, 0.5, 0.7, panels, lines)
+
+    def absorbed(pieces):
+        mesh = _Mesh.of(room, pieces)
+        total = 0.0
+        for face, values in enumerate(_solved(room, mesh)):
+            _, _, i, j = FACES[face]
+            area = np.outer(np.diff(mesh.borders[i]), np.diff(mesh.borders[j]))
+            total += float((values * (1.0 - _reflectance(room, mesh, face)) * area).sum())
+        return total / (math.pi * 4 * 0.36)
+
+    coarse, fine = absorbed(1), absorbed(2)
+    # Second order, then extrapolated.
+    assert abs(fine - 1.0) < 0.3 * abs(coarse - 1.0)
+    assert (4.0 * fine - coarse) / 3.0 == pytest.approx(1.0, abs=2e-4)
+
+
+def test_cost_is_read_off_between_points():
+    from measure import Point, cost
+
+    def at(cpu, rms):
+        return Point("tool", "", cpu, (cpu,), rms, rms, 0.0)
+
+    points = [at(1.0, 1e-1), at(2.0, 5e-1), at(100.0, 1e-3)]
+    assert cost(points, 1e-2) == (pytest.approx(10.0), "measured")
+    assert cost(points, 0.5) == (1.0, "at most")
+    assert cost(points, 1e-4) == (pytest.approx(1e4), "extrapolated")
+    assert cost([], 1e-2) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    # One case each of straight light, of shadow and of reflection; bounds on the root mean square
+    # of the quickest settings, about twice what they have.
+    ("case", "bounds"),
+    [
+        ("A1_far", {"patchlight": 1e-9, "radiance": 2e-2, "mitsuba": 6e-2}),
+        ("B", {"patchlight": 1e-1, "radiance": 7e-2, "mitsuba": 6e-2}),
+        ("C3", {"patchlight": 2e-2, "radiance": 3e-2, "mitsuba": 8e-2}),
+    ],
+)
+def test_cheap_case_through_every_tool(tmp_path, case, bounds):
+    command = [sys.executable, str(FOLDER / "run.py"), "--case", case, "--settings", "1"]
+    command += ["--repeats", "1", "-o", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads((tmp_path / "benchmarks.json").read_text(encoding="utf-8"))
+    found = {p["tool"]: p["rms"] for p in report["cases"][0]["points"]}
+    missing = {name for name, said in report["tools"].items() if said.startswith("missing:")}
+    assert set(found) | missing == set(bounds) and "patchlight" in found
+    for tool, rms in found.items():
+        assert rms <= bounds[tool], tool
+    assert (tmp_path / "benchmarks.png").stat().st_size > 0
+
+
+def test_unknown_case_is_named():
+    command = [sys.executable, str(FOLDER / "run.py"), "--case", "nothing", "-o", "unused"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2 and "nothing" in done.stderr and "C3_surf" in done.stderr

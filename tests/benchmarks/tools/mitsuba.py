@@ -1,0 +1,157 @@
+"""Mitsuba in this process: irradiance by emitter sampling, and paths where light is reflected.
+
+At a sensor E = ∫ L cos dω. Direct light comes from samples of the emitters, or with ``mis`` from
+these and cosine-weighted directions, weighted by the balance heuristic (E. Veach and L. J. Guibas,
+"Optimally combining sampling techniques for Monte Carlo rendering", SIGGRAPH 1995); reflected light
+is what the path integrator finds in cosine-weighted directions less the emission that is met first.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+from case import Body, Case, MitsubaSetting
+from patchlight.solver.model.arrays import FloatArray
+from tools import Missing, Run
+
+VARIANT = "llvm_ad_mono"
+#: Samples in one call: more take too much memory.
+LANES = 1 << 24
+#: Cut of shapes that Mitsuba does not know.
+CUT = (8, 8)
+
+#: Dr.Jit ends the process when it finds an LLVM it does not get on with: tried in another one.
+TRIAL = f"""
+import mitsuba as mi
+mi.set_variant({VARIANT!r})
+scene = mi.load_dict({{"type": "scene", "s": {{"type": "sphere"}}}})
+ray = mi.Ray3f(mi.Point3f(mi.Float([0, 3]), 0, -5), mi.Vector3f(0, 0, 1))
+assert list(scene.ray_intersect(ray).is_valid()) == [True, False]
+"""
+
+
+class MitsubaTool:
+    """One wavefront of all samples of as many sensors as fit."""
+
+    name = "mitsuba"
+
+    def __init__(self) -> None:
+        self._scenes: dict = {}
+
+    def version(self) -> str:
+        tried = subprocess.run(
+            [sys.executable, "-c", TRIAL], capture_output=True, text=True, timeout=300, check=False
+        )
+        if tried.returncode != 0:
+            said = (tried.stderr.strip().splitlines() or [f"status {tried.returncode}"])[-1]
+            raise Missing(
+                f"{said}; it comes with patchlight[peers] and needs LLVM 16 or newer: "
+                "set DRJIT_LIBLLVM_PATH to its library"
+            )
+        import mitsuba
+
+        mitsuba.set_variant(VARIANT)
+        return f"Mitsuba {mitsuba.__version__} {VARIANT}"
+
+    def settings(self, case: Case) -> tuple[MitsubaSetting, ...]:
+        return case.mitsuba
+
+    def prepare(self, case: Case, setting: MitsubaSetting) -> float:
+        """Load the scene and compile the kernels of this setting; CPU seconds."""
+        import mitsuba as mi
+
+        start = time.process_time()
+        if case.name not in self._scenes:
+            self._scenes[case.name] = mi.load_dict(scene_dict(case))
+        self._sensors(case, setting, slice(0, 2))
+        return time.process_time() - start
+
+    def run(self, case: Case, setting: MitsubaSetting) -> Run:
+        block = max(1, LANES // setting.samples)
+        start = time.process_time()
+        values = [
+            self._sensors(case, setting, slice(first, first + block))
+            for first in range(0, len(case.points), block)
+        ]
+        return Run(np.concatenate(values), time.process_time() - start)
+
+    def _sensors(self, case: Case, setting: MitsubaSetting, rows: slice) -> FloatArray:
+        import drjit as dr
+        import mitsuba as mi
+
+        scene = self._scenes[case.name]
+        points, normals = (np.ascontiguousarray(a[rows].T) for a in (case.points, case.normals))
+        n = points.shape[1]
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": setting.samples})
+        sampler.set_samples_per_wavefront(setting.samples)
+        sampler.seed(rows.start, n * setting.samples)
+        row = dr.arange(mi.UInt32, n * setting.samples) // setting.samples
+        at = dr.zeros(mi.SurfaceInteraction3f, n * setting.samples)
+        at.p = dr.gather(mi.Point3f, mi.Point3f(points), row)
+        at.n = dr.gather(mi.Normal3f, mi.Normal3f(normals), row)
+        frame = mi.Frame3f(at.n)
+
+        found, weight = scene.sample_emitter_direction(at, sampler.next_2d(), True)
+        cosine = dr.maximum(dr.dot(found.d, at.n), 0.0)
+        total = weight.x * cosine
+        if setting.direct == "mis" or setting.depth > 1:
+            local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+            ray = mi.RayDifferential3f(at.p, frame.to_world(local))
+            hit = scene.ray_intersect(ray)
+            emitter = hit.emitter(scene)
+            met = dr.select(hit.is_valid(), emitter.eval(hit).x, 0.0)
+        if setting.direct == "mis":
+            ours = cosine * dr.inv_pi
+            total = total * found.pdf / (found.pdf + ours)
+            towards = mi.DirectionSample3f(scene, hit, at)
+            theirs = scene.pdf_emitter_direction(at, towards, met > 0.0)
+            ours = local.z * dr.inv_pi
+            total += dr.select(met > 0.0, dr.pi * met * ours / (ours + theirs), 0.0)
+        if setting.depth > 1:
+            path = mi.load_dict({"type": "path", "max_depth": setting.depth, "rr_depth": 1000})
+            light, _, _ = path.sample(scene, sampler, ray)
+            total += dr.pi * (light.x - met)
+        mean = dr.block_sum(mi.Float(total), setting.samples) / setting.samples
+        return np.array(mean, dtype=np.float64)
+
+
+def scene_dict(case: Case) -> dict:
+    """The case as Mitsuba's dictionary."""
+    bodies = {f"b{k}": _shape(body) for k, body in enumerate(case.bodies)}
+    return {"type": "scene", **bodies}
+
+
+def _shape(body: Body) -> dict:
+    import mitsuba as mi
+
+    bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": body.reflectance}}
+    look: dict = {"bsdf": bsdf}
+    if body.radiance > 0.0:
+        look["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": body.radiance}}
+    shape = body.shape.mitsuba()
+    if shape is None:
+        return _mesh(body, look)
+    if "to_world" in shape:
+        shape = shape | {"to_world": mi.ScalarTransform4f(shape["to_world"])}
+    return shape | look
+
+
+def _mesh(body: Body, look: dict):
+    import mitsuba as mi
+
+    rings, _ = body.shape.cut(*CUT)
+    triangles = np.array(
+        [[ring[0], ring[k], ring[k + 1]] for ring in rings for k in range(1, len(ring) - 1)]
+    )
+    properties = mi.Properties()
+    for name, value in look.items():
+        properties[name] = mi.load_dict(value)
+    mesh = mi.Mesh("polygons", 3 * len(triangles), len(triangles), props=properties)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = mi.Float(triangles.astype(np.float32).ravel())
+    parameters["faces"] = mi.UInt32(np.arange(3 * len(triangles), dtype=np.uint32))
+    parameters.update()
+    return mesh

@@ -1,0 +1,135 @@
+"""Patchlight in this process."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from case import Body, Case, OurSetting
+from patchlight.solver.model import BLACK, Luminaire, Material, PatchSet, SceneData, Sensors
+from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.scene import ScenePart
+from tools import Run
+
+
+def point_factors(
+    points: FloatArray,
+    normals: FloatArray,
+    sources: PatchSet,
+    blockers: PatchSet | None,
+    accuracy: float,
+    closed: np.ndarray,
+) -> FloatArray:
+    """Form factors (m, n) from points to patches; the only place that knows how they are asked.
+
+    ``closed`` (n + b,) tells which patches of sources and blockers bound closed solids.
+    """
+    from patchlight.solver.exchange import form_factor_matrix, make_sources
+    from patchlight.solver.mesh import make_elements
+    from patchlight.solver.topology import make_blockers
+
+    count = len(sources)
+    patches = sources if blockers is None else PatchSet.concatenated(sources, blockers)
+    elements = make_elements(sources, np.zeros(count, bool), np.ones((count, 2), np.int64))
+    return form_factor_matrix(
+        points[:, None],
+        np.ascontiguousarray(normals)[:, None],
+        np.ones((len(points), 1)),
+        np.full(len(points), -1),
+        make_sources(elements, patches.control_points, np.full(count, accuracy)),
+        make_blockers(patches, closed, np.arange(len(patches)) >= count),
+        eps=accuracy,
+        trace=True,
+    ).factors
+
+
+class Ours:
+    """Form factors where light only comes straight, else a whole simulation."""
+
+    name = "patchlight"
+
+    def version(self) -> str:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("patchlight")
+        except PackageNotFoundError:
+            return "checkout"
+
+    def settings(self, case: Case) -> tuple[OurSetting, ...]:
+        return case.patchlight
+
+    def prepare(self, case: Case, setting: OurSetting) -> float:
+        """Compile the kernels on a few sensors; CPU seconds."""
+        import dataclasses
+
+        few = slice(None, None, max(1, len(case.points) // 4))
+        small = dataclasses.replace(case, points=case.points[few], normals=case.normals[few])
+        return self.run(small, OurSetting(max(setting.accuracy, 0.1))).cpu_s
+
+    def run(self, case: Case, setting: OurSetting) -> Run:
+        solve = _reflected if case.reflects else _straight
+        start = time.process_time()
+        values = solve(case, setting.accuracy)
+        return Run(values, time.process_time() - start)
+
+
+def _straight(case: Case, accuracy: float) -> FloatArray:
+    lit = [body for body in case.bodies if body.radiance > 0.0]
+    dark = [body for body in case.bodies if body.radiance == 0.0]
+    sources = [body.shape.patches() for body in lit]
+    blockers = PatchSet.concatenated(*(b.shape.patches() for b in dark)) if dark else None
+    radiance = np.repeat([body.radiance for body in lit], [len(s) for s in sources])
+    patches = PatchSet.concatenated(*sources)
+    solid = [b.solid >= 0 for b in (*lit, *dark) for _ in range(len(b.shape.patches()))]
+    closed = np.array(solid)
+    factors = point_factors(case.points, case.normals, patches, blockers, accuracy, closed)
+    return np.asarray(np.pi * factors @ radiance)
+
+
+def scene_data(case: Case) -> SceneData:
+    """The case as the solver's scene: 1 W/m² stands for 1 lx."""
+    sets = [body.shape.patches() for body in case.bodies]
+    rows = np.repeat(np.arange(len(sets)), [len(s) for s in sets])
+    numbers = {key: k for k, key in enumerate(dict.fromkeys(map(_part, enumerate(case.bodies))))}
+    part = np.array([numbers[_part(item)] for item in enumerate(case.bodies)])
+    joined = PatchSet.concatenated(*sets)
+    patches = PatchSet(joined.control_points, np.full(len(joined), -1), part[rows])
+    levels = sorted({body.reflectance for body in case.bodies} - {0.0})
+    material = np.array(
+        [levels.index(b.reflectance) if b.reflectance else BLACK for b in case.bodies]
+    )
+    lamps, lamp = [], np.full(len(sets), -1)
+    for k, (body, own) in enumerate(zip(case.bodies, sets, strict=True)):
+        if body.radiance > 0.0:
+            area = float(own.areas().sum())
+            lamp[k] = len(lamps)
+            flux = np.pi * body.radiance * area
+            lamps.append(Luminaire(f"lamp{k}", "lamps", flux, area, np.ones(3), 4000.0))
+    back = np.full(len(joined), -1)
+    return SceneData(
+        patches=patches,
+        two_sided=np.zeros(len(joined), bool),
+        closed=np.array([body.solid >= 0 for body in case.bodies])[rows],
+        material_index=np.stack([material[rows], np.full(len(joined), BLACK)], axis=1),
+        luminaire_index=np.stack([lamp[rows], back], axis=1),
+        parts=tuple(
+            ScenePart(f"part{k}", "case", "patches" if key[0] < 0 else "solid")
+            for key, k in numbers.items()
+        ),
+        faces=(),
+        materials=tuple(Material(level) for level in levels),
+        luminaires=tuple(lamps),
+        sensors=(Sensors("sensors", case.points, case.normals),),
+    )
+
+
+def _part(item: tuple[int, Body]) -> tuple[int, int]:
+    k, body = item
+    return (body.solid, 0) if body.solid >= 0 else (-1, k)
+
+
+def _reflected(case: Case, accuracy: float) -> FloatArray:
+    from patchlight.pipeline import simulate
+
+    return simulate(scene_data(case), accuracy=accuracy).sensors["sensors"].illuminance_lx

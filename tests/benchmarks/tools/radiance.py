@@ -1,0 +1,73 @@
+"""Radiance's ``rtrace``, one process a run; its start-up counts, the octree does not."""
+
+from __future__ import annotations
+
+import numpy as np
+from case import Case, RadianceSetting
+from radiance_scene import polygon_text
+from tools import Missing, Run
+
+#: `rtrace -I` evaluates this far in front of the point given. [m]
+AHEAD = 1e-4
+
+#: No cache and no interpolation unless the setting asks for them, and nothing left to chance.
+BASE = "-aa 0 -as 0 -av 0 0 0 -dt 0 -dc 1 -dj 0 -dr 0 -st 1 -u+".split()
+
+
+class RadianceTool:
+    """Luminous surfaces are cut into polygons: Radiance parts a source into 64 pieces at most."""
+
+    name = "radiance"
+
+    def __init__(self) -> None:
+        self._octrees: dict[tuple[str, tuple[int, int]], str] = {}
+        self._radiance = None
+
+    def version(self) -> str:
+        try:
+            from radiance_run import Radiance
+
+            self._radiance = Radiance()
+        except ImportError as error:
+            raise Missing(f"{error}; it comes with patchlight[peers]") from error
+        return self._radiance.version
+
+    def settings(self, case: Case) -> tuple[RadianceSetting, ...]:
+        return case.radiance
+
+    def prepare(self, case: Case, setting: RadianceSetting) -> float:
+        """Write the scene and compile its octree, unless that is done; its time is not taken."""
+        key = (case.name, setting.cut)
+        if key not in self._octrees:
+            name = f"{case.name}_{setting.cut[0]}x{setting.cut[1]}"
+            self._octrees[key] = self._radiance.octree(name, scene_text(case, setting.cut))
+        return 0.0
+
+    def run(self, case: Case, setting: RadianceSetting) -> Run:
+        points = case.points - AHEAD * case.normals if setting.shift else case.points
+        octree = self._octrees[(case.name, setting.cut)]
+        options = [*BASE, *setting.options.split()]
+        traced = self._radiance.trace(octree, points, case.normals, options, timeout_s=300.0)
+        return Run(traced.irradiance[0, :, 1].copy(), traced.cpu_s)
+
+
+def scene_text(case: Case, cut: tuple[int, int]) -> str:
+    """The case as Radiance text; luminous surfaces are black, as in all cases."""
+    lines = []
+    for k, body in enumerate(case.bodies):
+        primitive = body.shape.radiance()
+        if body.radiance > 0.0:
+            rings, scale = body.shape.cut(*cut)
+            level = f"{body.radiance * scale:.9g}"
+            lines.append(f"void light m{k} 0 0 3 {level} {level} {level}")
+            lines += polygon_text(f"m{k}", f"b{k}", rings)
+            continue
+        rho = f"{body.reflectance:.9g}"
+        lines.append(f"void plastic m{k} 0 0 5 {rho} {rho} {rho} 0 0")
+        if primitive is None:
+            lines += polygon_text(f"m{k}", f"b{k}", body.shape.cut(*cut)[0])
+        else:
+            kind, numbers = primitive
+            text = " ".join(f"{x:.10g}" for x in np.asarray(numbers))
+            lines.append(f"m{k} {kind} b{k} 0 0 {len(numbers)} {text}")
+    return "\n".join(lines) + "\n"
