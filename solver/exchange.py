@@ -113,7 +113,9 @@ def make_sources(
         group_spheres=bounding_spheres(group_nets),
         azimuths=meridians(0 if scan is None else scan.lines),
         exact_above=np.zeros(len(key)) if scan is None else writable(scan.exact_above),
-        **make_edges(elements, patch_nets)._asdict(),
+        **make_edges(
+            elements.nets, patch_nets, elements.patch_index, elements.boxes, elements.side
+        )._asdict(),
         **(no_facets() if scan is None else scan.facets)._asdict(),
     )
 

@@ -266,9 +266,11 @@ def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntA
 def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources:
     """Every net as a source element of its own."""
     from .kernels.rows import Sources
+    from .tables import make_edges, meridians, no_facets
     from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
     rows = np.arange(len(nets))
+    whole = np.tile([0.0, 1.0, 0.0, 1.0], (len(nets), 1))
     cones, spheres = normal_cones(nets), bounding_spheres(nets)
     return Sources(
         nets=writable(nets),
@@ -276,10 +278,15 @@ def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources
         spheres=spheres,
         flags=shape_flags(nets),
         cell_eps=writable(cell_eps),
+        patch=writable(place, np.int64),
         group=np.stack([rows, rows + 1, place], axis=1),
         group_nets=writable(nets),
         group_cones=cones.copy(),
         group_spheres=spheres.copy(),
+        azimuths=meridians(0),
+        exact_above=np.zeros(len(nets)),
+        **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64))._asdict(),
+        **no_facets()._asdict(),
     )
 
 

@@ -215,8 +215,8 @@ class FieldSolver:
     def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
         """Elements as sources, and how far their facets leave them.
 
-        The brighter one is, the finer its partly hidden cells are cut, and the weaker the pairs that
-        are traced.
+        The brighter one is, the finer its partly hidden cells are cut, and the weaker are the
+        pairs that are traced.
         """
         emitted = luminous(surfaces.emitted)
         mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
@@ -329,7 +329,7 @@ class FieldSolver:
             color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
             if scanned is not None and name != "sun":
                 column, spread = (0, 3) if name == "sky" else (2, 4)
-                brightness = np.pi * (1.0 if name == "sky" else float(luminance))
+                brightness = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)
                 light.direct[name] = brightness * scanned[:, column, None] * color
                 light.variance += brightness**2 * scanned[:, spread]
                 light.outside += scanned[:, 1 if name == "sky" else 2]

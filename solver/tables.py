@@ -37,11 +37,25 @@ def near_ratio(eps: float) -> float:
     return 1.0 + 1.5 * 0.5 * (rho - 1.0 / rho)
 
 
-def make_edges(elements: Elements, patch_nets: FloatArray) -> Edges:
-    """Gauss nodes on the edges of all elements; edges of neighbours in a patch are one."""
-    n = len(elements)
-    u0, u1, v0, v1 = elements.boxes.T
-    patch = elements.patch_index.astype(np.float64)
+def make_edges(
+    nets: FloatArray, patch_nets: FloatArray, patch: IntArray, boxes: FloatArray, side: IntArray
+) -> Edges:
+    """Gauss nodes on the edges of all elements; edges of neighbours in a patch are one.
+
+    Parameters
+    ----------
+    nets : (n, 4, 4, 4) array
+        Control nets of the elements.
+    patch_nets : (p, 4, 4, 4) array
+        Control nets of the patches.
+    patch, side : (n,) int arrays
+        Patch and side of each element.
+    boxes : (n, 4) array
+        u0, u1, v0, v1 of each element in its patch.
+    """
+    n = len(nets)
+    u0, u1, v0, v1 = boxes.T
+    patch = patch.astype(np.float64)
     along_u, along_v = np.zeros(n), np.ones(n)
     # Direction, patch, fixed parameter, first and last of the running one.
     keys = np.stack(
@@ -54,7 +68,7 @@ def make_edges(elements: Elements, patch_nets: FloatArray) -> Edges:
         axis=1,
     ).reshape(-1, 5)
     unique, inverse = np.unique(keys, axis=0, return_inverse=True)
-    origin = elements.nodes.reshape(-1, 3).mean(axis=0)
+    origin = (nets[..., :3] / nets[..., 3:]).reshape(-1, 3).mean(axis=0)
     rule, weight = gauss_rule(EDGE_NODES)
     length = (unique[:, 4] - unique[:, 3])[:, None]
     running = unique[:, 3:4] + length * rule
@@ -72,7 +86,7 @@ def make_edges(elements: Elements, patch_nets: FloatArray) -> Edges:
         np.broadcast_to(g.ravel(), (n, EDGE_NODES**2))
         for g in np.meshgrid(rule, rule, indexing="ij")
     )
-    inside, su, sv = surface_points(elements.nets, u, v)
+    inside, su, sv = surface_points(nets, u, v)
     area = np.cross(su, sv) * np.outer(weight, weight).ravel()[:, None]
     return Edges(
         edge_origin=writable(origin),
@@ -80,7 +94,7 @@ def make_edges(elements: Elements, patch_nets: FloatArray) -> Edges:
         edge_tangent=writable(tangent.transpose(2, 1, 0)),
         edge_moment=writable(moment.transpose(2, 1, 0)),
         edge_of=writable(inverse.reshape(n, 4), np.int64),
-        edge_sign=writable(1.0 - 2.0 * elements.side),
+        edge_sign=writable(1.0 - 2.0 * side),
         area_point=writable(inside - origin),
         area_normal=writable(area),
     )
