@@ -45,13 +45,19 @@ GAUSS_NODES, GAUSS_WEIGHTS, GAUSS_START = _rules()
 
 @nb.njit(cache=True, error_model="numpy")
 def shift_net(net, x, s):
-    """Write the net relative to point ``x`` into ``s``."""
+    """Write the net relative to point ``x`` into ``s``.
+
+    Weights that are all very large or small are brought near 1, as tolerances are lengths.
+    """
+    scale = 1.0
+    if 0.0 < net[0, 0, 3] < 1e-3 or net[0, 0, 3] > 1e3:
+        scale = 1.0 / net[0, 0, 3]
     for i in range(4):
         for j in range(4):
-            w = net[i, j, 3]
-            s[i, j, 0] = net[i, j, 0] - x[0] * w
-            s[i, j, 1] = net[i, j, 1] - x[1] * w
-            s[i, j, 2] = net[i, j, 2] - x[2] * w
+            w = net[i, j, 3] * scale
+            s[i, j, 0] = net[i, j, 0] * scale - x[0] * w
+            s[i, j, 1] = net[i, j, 1] * scale - x[1] * w
+            s[i, j, 2] = net[i, j, 2] * scale - x[2] * w
             s[i, j, 3] = w
 
 

@@ -139,9 +139,6 @@ def test_rigid_motion_changes_nothing(angle):
     )
 
 
-@pytest.mark.xfail(
-    strict=True, reason="heights w z are compared with a rounding that does not scale with w"
-)
 def test_scaling_all_weights_changes_nothing():
     net = random_net(np.random.default_rng(7))
     for scale in (1e-30, 1e30):
