@@ -56,7 +56,7 @@ class Effort:
     def of(cls, quick: bool) -> Effort:
         """Noise of the means about 0.1 % of all light, or 0.5 % when ``quick``."""
         if quick:
-            return cls(4096, 256, 32, 3, Fineness(8, 8, 3))
+            return cls(4096, 512, 32, 3, Fineness(8, 8, 3))
         return cls(32768, 4096, 256, 6, Fineness())
 
 
