@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kernels.patch_factor import CONCAVE, CONVEX, PLANAR, normal_cone
+from .kernels.nets import CONCAVE, CONVEX, PLANAR, normal_cone
 from .kernels.pyramid import Blockers
 from .kernels.ray_patch import classify_patches
 from .model.arrays import FloatArray, IntArray

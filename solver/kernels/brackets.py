@@ -27,7 +27,7 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .patch_factor import CONCAVE, CONVEX, PLANAR, heights, surface
+from .nets import CONCAVE, CONVEX, PLANAR, heights, surface
 from .pieces import (
     BACK,
     FRONT,

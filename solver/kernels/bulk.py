@@ -17,7 +17,8 @@ import numpy as np
 from .contour import horizon_tolerance, shift_net
 from .edges import NEAR, edge_integrals, far_factors
 from .meridian import cut_facets, is_hidden, make_spans, sweep, tangent_frame
-from .patch_factor import CONVEX, PLANAR, patch_factor
+from .nets import CONVEX, PLANAR
+from .patch_factor import patch_factor
 from .pyramid import make_scratch
 from .rows import DARK_PAIRS, SCANNED, UNOCCLUDED, how_to_see, trace_row
 

@@ -4,7 +4,7 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .patch_factor import ALWAYS_FRONT, heights
+from .nets import ALWAYS_FRONT, heights
 from .pyramid import NO_BLOCKER, make_scratch, see_blockers, visible_factor
 
 

@@ -17,7 +17,7 @@ import numba as nb
 import numpy as np
 
 from .contour import chord_term, horizon_tolerance, load_edge, shift_net
-from .patch_factor import halve_u, halve_v
+from .nets import halve_u, halve_v
 from .sure_contour import point_on
 
 _TWO_PI = 2.0 * math.pi

@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 
 from .contour import load_edge
-from .patch_factor import halve_u, halve_v
+from .nets import halve_u, halve_v
 
 #: How a surface is seen: not at all (below the horizon or edge-on), + side, − side, both.
 NONE, FRONT, BACK, MIXED = 0, 1, 2, 3
@@ -40,7 +40,7 @@ class Surfaces(NamedTuple):
     sheet : (p,) int array
         Connected sheet the patch belongs to.
     flags : (p,) int array
-        `patch_factor.PLANAR`, `CONVEX`, `CONCAVE`.
+        `nets.PLANAR`, `CONVEX`, `CONCAVE`.
     """
 
     nets: np.ndarray

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .patch_factor import (
+from .nets import (
     ALWAYS_FRONT,
     facing_at,
     facing_of,
@@ -32,9 +32,9 @@ from .patch_factor import (
     halve_v,
     heights,
     normal_cone,
-    patch_factor,
     surface,
 )
+from .patch_factor import patch_factor
 from .ray_patch import MISS, WORK, ray_patch_any
 from .sky_luminance import sky_luminance
 
@@ -97,7 +97,7 @@ class Blockers(NamedTuple):
     cones : (p, 4) array
         Axis and sine of the half-angle of the normals.
     flags : (p,) int array
-        `patch_factor.PLANAR`, `CONVEX`, `CONCAVE`.
+        `nets.PLANAR`, `CONVEX`, `CONCAVE`.
     solid : (p,) int array
         Solid (part) the patch belongs to.
     bulging : (solids,) bool array

@@ -7,7 +7,7 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .patch_factor import ALWAYS_FRONT, CONCAVE, CONVEX, PLANAR
+from .nets import ALWAYS_FRONT, CONCAVE, CONVEX, PLANAR
 from .pyramid import FRONT, NO_BLOCKER, see_blockers, visible_factor
 
 #: Columns of the counters of a row.
@@ -27,7 +27,7 @@ class Sources(NamedTuple):
     cones, spheres : (n, 4) array
         Normal cones and bounding spheres.
     flags : (n,) int array
-        `patch_factor.PLANAR`, `CONVEX`, `CONCAVE`.
+        `nets.PLANAR`, `CONVEX`, `CONCAVE`.
     cell_eps : (n,) array
         Form factor below which a partly hidden cell is sampled.
     patch : (n,) int array

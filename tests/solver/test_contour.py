@@ -9,7 +9,8 @@ import sys
 import numpy as np
 import pytest
 from patchlight.solver.kernels.contour import contour_factor, horizon_tolerance, shift_net
-from patchlight.solver.kernels.patch_factor import normal_cone, patch_factor
+from patchlight.solver.kernels.nets import normal_cone
+from patchlight.solver.kernels.patch_factor import patch_factor
 from patchlight.solver.model import PatchSet
 from patchlight.solver.model.bezier import sub_net
 
@@ -359,7 +360,8 @@ SOURCE_CASES = """
 import json, sys
 import numpy as np
 from patchlight.solver.kernels.contour import contour_factor, horizon_tolerance, shift_net
-from patchlight.solver.kernels.patch_factor import normal_cone, patch_factor
+from patchlight.solver.kernels.nets import normal_cone
+from patchlight.solver.kernels.patch_factor import patch_factor
 out = []
 for net, x, n in json.load(sys.stdin):
     net, x, n = (np.array(a, float) for a in (net, x, n))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from patchlight.solver.kernels.patch_factor import CONCAVE, CONVEX, PLANAR
+from patchlight.solver.kernels.nets import CONCAVE, CONVEX, PLANAR
 from patchlight.solver.model import PatchSet
 from patchlight.solver.topology import adjacency, bounding_spheres, normal_cones, shape_flags
 
