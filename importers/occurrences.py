@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from OCP.BRep import BRep_Tool
 from OCP.TopAbs import TopAbs_COMPOUND, TopAbs_COMPSOLID, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Iterator
@@ -100,6 +101,9 @@ def _pieces(shape: Any, placement: FloatArray) -> list[tuple[str, Any, Any, Floa
                 iterator.Next()
             stack.extend(children[::-1])
         elif kind == TopAbs_SOLID:
+            out.append(("solid", bare, item, here))
+        elif kind == TopAbs_SHELL and BRep_Tool.IsClosed_s(bare):
+            # CadQuery's shell() is written like this: a closed surface, hence the bound of a solid.
             out.append(("solid", bare, item, here))
         elif kind in (TopAbs_SHELL, TopAbs_FACE):
             out.append(("sheet", bare, item, here))

@@ -56,10 +56,7 @@ def bare_scene(model: Model, path: Path, *, up: str = "z", scale: float = 1.0) -
     scene.add_entry(Entry(model.name, model, up_matrix(up), given_name=False, scale=scale))
     scene.accuracy, scene.title = ACCURACY, path.stem
     entry = scene.entries[model.name]
-    remarks = [
-        f"accuracy {ACCURACY:g}; all faces grey 0.5; overcast sky (CIE type 16) of {SKY_LX:g} lx; "
-        "ground 0.2"
-    ]
+    remarks = [f"all faces grey 0.5; overcast sky (CIE type 16) of {SKY_LX:g} lx; ground 0.2"]
     values: dict[str, Any] = {
         "schema_version": 1,
         "title": path.stem,

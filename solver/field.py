@@ -132,6 +132,12 @@ class FieldSolver:
         self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        #: All there is is one convex cavity.
+        self.in_cavity = bool(
+            blockers.closed.all()
+            and len(np.unique(blockers.solid)) == 1
+            and blockers.hollow[blockers.solid[0]]
+        )
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
 
@@ -262,6 +268,8 @@ class FieldSolver:
 
     def _sees_out(self, rows: Rows, lit: np.ndarray) -> bool:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
+        if self.in_cavity:
+            return False
         missing = 1.0 - rows.factors[lit].sum(axis=1)
         noise = 3.0 * np.sqrt(rows.variances[lit].sum(axis=1, dtype=np.float64)) + 1e-4
         leaves = missing > noise
@@ -322,7 +330,7 @@ class FieldSolver:
             cct = scene.sky.cct_k if scene.sky is not None else 5500.0
             jobs.append(("ground", dome_cells(-90.0, 0.0), level, eps, cct))
         for name, cells, luminance, cell_eps, cct in jobs:
-            if not sees_out and trace:
+            if not sees_out and self.stages.skipped.get("visibility") != "switched off":
                 stages.skipped[name] = "nothing sees out of the scene"
                 light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
                 continue

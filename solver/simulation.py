@@ -7,7 +7,7 @@ import numpy as np
 from .budget import Budget
 from .containment import check_placement
 from .errors import GeometryError, InputError
-from .field import Field, FieldSolver, Gathered
+from .field import FINE_SHARE, Field, FieldSolver, Gathered
 from .kernels.pyramid import Blockers
 from .ledger import make_balance
 from .mesh_check import element_shift
@@ -17,6 +17,11 @@ from .model.scene import SceneData
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
 from .topology import make_blockers
+
+#: How often the mesh is made finer where the accuracy asked for is not reached, and the elements
+#: beyond which it is not.
+REFINEMENTS = 2
+REFINED_ELEMENTS = 2500
 
 
 def estimate_seconds(scene: SceneData, accuracy: float = 0.01) -> float:
@@ -41,7 +46,8 @@ def solve(
     accuracy : float
         Relative error of sensor illuminance aimed at; mesh size and tolerances follow from it.
     visibility : {"auto", "none"}
-        ``"auto"`` traces pyramids; ``"none"`` lets light through everything, for comparison.
+        ``"auto"`` traces pyramids, and meridians for weak pairs; ``"none"`` lets light through
+        everything, for comparison.
     progress : callable, optional
         Called as ``progress(stage, done, total)``.
     threads : int, optional
@@ -97,13 +103,25 @@ class _Simulation:
         trace = "visibility" not in stages.skipped
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages)
         field = solver.solve(budget)
-        self._count(field)
         grids = {grid.name: solver.gather(grid, budget, field) for grid in scene.sensors}
-        shifts, surface_shift = self._mesh_check(solver, field, grids)
-        sensors = {
-            grid.name: self._sensor_result(k, grids[grid.name], shifts[grid.name])
-            for k, grid in enumerate(scene.sensors)
-        }
+        shifts, surface_shift = self._mesh_check(solver, field, grids, None)
+        sensors = self._sensors(grids, shifts)
+        for _ in range(REFINEMENTS):
+            finer = self.budget.finer(scene)
+            if (
+                self._converged(sensors)
+                or finer.elements > REFINED_ELEMENTS
+                or finer.size >= 0.9 * self.budget.size
+                or not self._converged(self._sensors(grids, {}))
+            ):
+                break  # it is good enough, too large, or not for the mesh that it is not
+            coarse, self.budget = field, finer
+            field = solver.solve(finer, name="finer mesh")
+            grids = {grid.name: solver.gather(grid, finer, field) for grid in scene.sensors}
+            shifts, surface_shift = self._mesh_check(solver, field, grids, coarse)
+            sensors = self._sensors(grids, shifts)
+        budget = self.budget
+        self._count(field)
         light = field.light
         images = self._images(field)
         self._warn_dark(sensors, light.luminous())
@@ -112,7 +130,7 @@ class _Simulation:
             elements=field.surfaces.elements,
             components=light.components,
             exitance=field.exitance,
-            element_error_lx=_error(light, surface_shift),
+            element_error_lx=_error(light, surface_shift, budget.eps),
             sensors=sensors,
             images=images,
             balance=self._balance(field),
@@ -131,8 +149,23 @@ class _Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
+    def _sensors(
+        self, grids: dict[str, Gathered], shifts: dict[str, FloatArray]
+    ) -> dict[str, SensorResult]:
+        """Results of all grids; without ``shifts`` their errors hold no share of the mesh."""
+        return {
+            grid.name: self._sensor_result(
+                k, grids[grid.name], shifts.get(grid.name, np.zeros(len(grid)))
+            )
+            for k, grid in enumerate(self.scene.sensors)
+        }
+
     def _mesh_check(
-        self, solver: FieldSolver, field: Field, grids: dict[str, Gathered]
+        self,
+        solver: FieldSolver,
+        field: Field,
+        grids: dict[str, Gathered],
+        coarse: Field | None,
     ) -> tuple[dict[str, FloatArray], FloatArray]:
         """Change of indirect light at sensors and elements from a coarser mesh. [lx]"""
         budget = self.budget.coarser(self.scene)
@@ -146,7 +179,8 @@ class _Simulation:
             self.stages.skipped["mesh check"] = reason
             nothing = {name: np.zeros(len(g.deviation)) for name, g in grids.items()}
             return nothing, np.zeros(len(field.surfaces.elements))
-        coarse = solver.solve(budget, name="mesh check")
+        if coarse is None:
+            coarse = solver.solve(budget, name="mesh check")
         shifts = {}
         for grid in self.scene.sensors:
             indirect = solver.gather_indirect(grid, budget, coarse)
@@ -164,7 +198,7 @@ class _Simulation:
             normals=grid.normals,
             area_m2=grid.area_m2,
             illuminance_lx=gathered.luminous(),
-            error_lx=_error(gathered, shift),
+            error_lx=_error(gathered, shift, FINE_SHARE * self.budget.eps),
             components=components,
             daylight_factor=self._daylight_factor(components),
             outline=grid.outline,
@@ -265,11 +299,11 @@ class _Simulation:
         return True
 
 
-def _error(light: Gathered, shift: FloatArray) -> FloatArray:
+def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
     """Half-width (m,) of the numerical error. [lx]
 
     Mesh: 0.8 of the change against elements half as large again, the error of a second-order
     method. Sampling of partly hidden cells: two standard deviations.
-    Quadrature and solver: 2e-4 of the value.
+    Quadrature: the accuracy ``eps`` of unoccluded factors, of the value.
     """
-    return np.asarray(0.8 * shift + 2.0 * light.deviation + 2e-4 * light.luminous())
+    return np.asarray(0.8 * shift + 2.0 * light.deviation + eps * light.luminous())

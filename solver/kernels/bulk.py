@@ -17,7 +17,7 @@ import numpy as np
 from .contour import horizon_tolerance, shift_net
 from .edges import NEAR, edge_integrals, far_factors
 from .meridian import cut_facets, is_hidden, make_spans, sweep, tangent_frame
-from .nets import CONVEX, PLANAR
+from .nets import CONCAVE, CONVEX, PLANAR
 from .patch_factor import patch_factor
 from .pyramid import make_scratch
 from .rows import DARK_PAIRS, SCANNED, UNOCCLUDED, how_to_see, trace_row
@@ -34,7 +34,7 @@ _POINT_DEVIATION = 0.3
 
 @nb.njit(cache=True, error_model="numpy")
 def _unoccluded(
-    x, n, own_patch, sources, blockers, near_ratio, eps, rounding, integral, s, factors, found,
+    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, factors, found,
     counters,
 ):  # fmt: skip
     """Unoccluded form factors from one node to all elements into ``factors`` (n,)."""
@@ -46,9 +46,13 @@ def _unoccluded(
         first, end, patch = sources.group[g, 0], sources.group[g, 1], sources.group[g, 2]
         solid = blockers.solid[patch]
         same = own_patch >= 0 and blockers.solid[own_patch] == solid
-        if (own_patch == patch and sources.flags[first] & (PLANAR | CONVEX)) or (
-            same and blockers.bulging[solid]
-        ):
+        dark = same and blockers.bulging[solid]
+        if own_patch == patch:
+            # The side the receiver is on; the other side of a sheet is turned away from it.
+            mine = sources.flags[own] if own >= 0 else sources.flags[first]
+            other = own >= 0 and not first <= own < end
+            dark = dark or mine & (PLANAR | CONVEX) != 0 or (other and mine & CONCAVE != 0)
+        if dark:
             counters[DARK_PAIRS] += end - first
             for j in range(first, end):
                 factors[j] = 0.0
@@ -130,7 +134,7 @@ def form_factor_rows(
             flat = own[i] if lifts[i] == 0.0 else -1
             rounding = horizon_tolerance(x)
             _unoccluded(
-                x, n, patches[i], sources, blockers, near_ratio, eps, rounding, integral,
+                x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding, integral,
                 s, single, found, counters[i],
             )  # fmt: skip
             if not trace:
@@ -153,8 +157,8 @@ def form_factor_rows(
             visible[:] = 0.0
             hits[:] = 0
             count = cut_facets(
-                lifted, n, sources, flat, frame, sources.azimuths, local, line_of, crossed, spans,
-                covered, hits,
+                lifted, n, sources, flat, frame, sources.azimuths, rounding, local, line_of,
+                crossed, spans, covered, hits,
             )  # fmt: skip
             if count > capacity:
                 capacity = 2 * count
@@ -164,8 +168,8 @@ def form_factor_rows(
                 covered[:] = 0.0
                 hits[:] = 0
                 cut_facets(
-                    lifted, n, sources, flat, frame, sources.azimuths, local, line_of, crossed,
-                    spans, covered, hits,
+                    lifted, n, sources, flat, frame, sources.azimuths, rounding, local, line_of,
+                    crossed, spans, covered, hits,
                 )  # fmt: skip
             sweep(
                 spans, sources.facet_element, sources.azimuths, frame, n, tone, order, active,

@@ -326,7 +326,9 @@ def _turned_angle(c, n):
     if _ends_span(c):
         return _closing_angle(c[0, 0], c[0, 1], c[0, 2], c[3, 0], c[3, 1], c[3, 2], n)
     stack = np.empty((64, 4, 3))
-    stack[0] = c
+    for i in range(4):
+        for k in range(3):
+            stack[0, i, k] = c[i, k]
     top = 1
     total = 0.0
     for _ in range(400):

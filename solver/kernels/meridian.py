@@ -128,7 +128,9 @@ def _push(spans, count, line, low, high, inverse, slope, facet):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def cut_facets(x, n, facets, own, frame, azimuths, local, line_of, first, spans, covered, hits):
+def cut_facets(
+    x, n, facets, own, frame, azimuths, rounding, local, line_of, first, spans, covered, hits
+):
     """Cut all facets in sight of ``x`` with the meridians about ``n``.
 
     Parameters
@@ -137,6 +139,8 @@ def cut_facets(x, n, facets, own, frame, azimuths, local, line_of, first, spans,
         Flat element the receiver lies in: never in its own sight. −1 where there is none.
     azimuths : (lines, 2) array
         Cosine and sine of every meridian.
+    rounding : float
+        `contour.horizon_tolerance` of the receiver. [m]
     local, line_of, first
         Scratch: (v, 4), (v,) int and (lines, 3) arrays.
     covered : (elements,) array
@@ -167,7 +171,7 @@ def cut_facets(x, n, facets, own, frame, azimuths, local, line_of, first, spans,
     for f in range(facets.facet_corners.shape[0]):
         plane = facets.facet_planes[f]
         above = plane[0] * x[0] + plane[1] * x[1] + plane[2] * x[2] - plane[3]
-        if above <= 0.0:
+        if above <= rounding:
             continue
         c0, c1, c2, c3 = (
             facets.facet_corners[f, 0],
@@ -175,11 +179,19 @@ def cut_facets(x, n, facets, own, frame, azimuths, local, line_of, first, spans,
             facets.facet_corners[f, 2],
             facets.facet_corners[f, 3],
         )
-        if (
-            local[c0, 2] <= 0.0
-            and local[c1, 2] <= 0.0
-            and local[c2, 2] <= 0.0
-            and local[c3, 2] <= 0.0
+        # A receiver on a facet, or on the back of one, is in its plane up to rounding: such a facet
+        # would be the whole sky.
+        margin = rounding + 1e-9 * (
+            abs(local[c2, 0] - local[c0, 0])
+            + abs(local[c2, 1] - local[c0, 1])
+            + abs(local[c3, 0] - local[c1, 0])
+            + abs(local[c3, 1] - local[c1, 1])
+        )
+        if above <= margin or (
+            local[c0, 2] <= margin
+            and local[c1, 2] <= margin
+            and local[c2, 2] <= margin
+            and local[c3, 2] <= margin
         ):
             continue
         element = facets.facet_element[f]
@@ -221,7 +233,9 @@ def cut_facets(x, n, facets, own, frame, azimuths, local, line_of, first, spans,
                     inverse = 1.0 / rho
                     tangent = z * inverse
                 else:
-                    inverse, tangent = 1e14, (ZENITH if z > 0.0 else -ZENITH)
+                    # On the axis itself, at height z.
+                    inverse = ZENITH / max(abs(z), 1e-300)
+                    tangent = ZENITH if z > 0.0 else -ZENITH
                 if first[k, 0] != stamp:
                     first[k, 0], first[k, 1], first[k, 2] = stamp, tangent, inverse
                     continue
@@ -233,7 +247,8 @@ def cut_facets(x, n, facets, own, frame, azimuths, local, line_of, first, spans,
                 if high <= 0.0 or high <= low:
                     continue
                 slope = (ihigh - ilow) / (high - low)
-                zero = ilow - slope * low
+                # From the end that is not on the axis.
+                zero = ilow - slope * low if -low < high else ihigh - slope * high
                 low = max(low, 0.0)
                 count = _push(spans, count, k, low, high, zero, slope, f)
                 if element >= 0:
@@ -270,19 +285,13 @@ def cut_facets(x, n, facets, own, frame, azimuths, local, line_of, first, spans,
 @nb.njit(cache=True, error_model="numpy")
 def _nearest(spans, active, waiting, low, high):
     """Place in ``active`` of the span that is nearest over [low, …], −1 where there is none."""
-    best, found = -1.0, -1
-    for m in range(waiting):
-        s = active[m]
-        middle = 0.5 * (low + min(high, spans.high[s]))
+    found = 0 if waiting else -1
+    for m in range(1, waiting):
+        s, t = active[m], active[found]
+        top = min(min(high, 1e7), min(spans.high[s], spans.high[t]))
+        middle = max(low, 0.5 * (low + top))
         near = spans.inverse[s] + spans.slope[s] * middle
-        if found < 0:
-            best, found = near, m
-            continue
-        t = active[found]
-        middle = 0.5 * (low + min(high, min(spans.high[s], spans.high[t])))
-        near = spans.inverse[s] + spans.slope[s] * middle
-        best = spans.inverse[t] + spans.slope[t] * middle
-        if near > best:
+        if near > spans.inverse[t] + spans.slope[t] * middle:
             found = m
     return found
 

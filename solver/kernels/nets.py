@@ -12,6 +12,15 @@ PLANAR, CONVEX, CONCAVE, ALWAYS_FRONT = 1, 2, 4, 8
 
 
 @nb.njit(cache=True, error_model="numpy")
+def copy_net(source, target):
+    """Copy a net number by number: slices compile to far more code."""
+    for i in range(4):
+        for j in range(4):
+            for k in range(4):
+                target[i, j, k] = source[i, j, k]
+
+
+@nb.njit(cache=True, error_model="numpy")
 def halve_u(s, low, high):
     """Split a net at u = 1/2 by de Casteljau."""
     for j in range(4):
@@ -134,6 +143,22 @@ def _corner_normal(s, i, j, out):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _is_flat(s, normal):
+    """Whether all control points of a net lie in one plane, to 1e-7 of its size."""
+    high = size = 0.0
+    w0 = s[0, 0, 3]
+    for i in range(4):
+        for j in range(4):
+            w = s[i, j, 3]
+            dx = s[i, j, 0] * w0 - s[0, 0, 0] * w
+            dy = s[i, j, 1] * w0 - s[0, 0, 1] * w
+            dz = s[i, j, 2] * w0 - s[0, 0, 2] * w
+            high = max(high, abs(normal[0] * dx + normal[1] * dy + normal[2] * dz))
+            size = max(size, max(abs(dx), max(abs(dy), abs(dz))))
+    return high <= 1e-7 * size
+
+
+@nb.njit(cache=True, error_model="numpy")
 def normal_cone(s, cone):
     """Axis (3) and sine of the half-angle of a cone about the normals of a net into ``cone`` (4).
 
@@ -183,7 +208,9 @@ def normal_cone(s, cone):
         low = min(low, cone[0] * normals[m, 0] + cone[1] * normals[m, 1] + cone[2] * normals[m, 2])
     if low > 0.2:
         sine = math.sqrt(max(0.0, 1.0 - low * low))
-        cone[3] = 0.0 if sine < 1e-7 else 1.25 * sine + 0.01
+        cone[3] = 1.25 * sine + 0.01
+        if sine < 1e-7 and _is_flat(s, cone):
+            cone[3] = 0.0
 
 
 @nb.njit(cache=True, error_model="numpy")

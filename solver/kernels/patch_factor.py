@@ -14,7 +14,16 @@ import numba as nb
 import numpy as np
 
 from .contour import contour_factor, cubic_point, load_edge
-from .nets import ALWAYS_FRONT, facing_at, facing_of, halve_u, halve_v, heights, normal_cone
+from .nets import (
+    ALWAYS_FRONT,
+    copy_net,
+    facing_at,
+    facing_of,
+    halve_u,
+    halve_v,
+    heights,
+    normal_cone,
+)
 from .silhouette import ALL_BACK, ALL_FRONT, arc_leaf, chord_leaf, front_count
 
 #: Quarterings of a net nearer than its cells are large.
@@ -126,7 +135,7 @@ def patch_factor(s, n, cone, flags, eps, rounding):
     # θ⁴ ~ eps: see the module's text. 9 levels resolve 1/512 of a quarter turn.
     angle = 1.5 * eps**0.25
     deepest = min(9, max(2, int(math.ceil(math.log2(1.6 / angle)))))
-    stack[0] = s
+    copy_net(s, stack[0])
     depth[0] = 0
     top = 1
     total = 0.0

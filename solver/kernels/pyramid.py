@@ -26,6 +26,7 @@ import numpy as np
 
 from .nets import (
     ALWAYS_FRONT,
+    copy_net,
     facing_at,
     facing_of,
     halve_u,
@@ -310,7 +311,7 @@ def _one_sided_within(planes, s, rounding, parts):
     cone = np.empty(4)
     low_u, high_u = parts[12], parts[13]
     level = np.zeros(12, dtype=np.int64)
-    parts[0] = s
+    copy_net(s, parts[0])
     top = 1
     seen = 0
     while top > 0:
@@ -463,6 +464,7 @@ def _visible_share(s, n, front, x, blockers, listed, count, samples, seed, work,
     Points lie anywhere in their stratum: at fixed places the errors of all the cells along one
     shadow edge would have one sign.
     """
+    first = count * 0  # not a literal: it would compile the callees once more
     seen = up = 0
     for i in range(samples):
         for j in range(samples):
@@ -473,10 +475,10 @@ def _visible_share(s, n, front, x, blockers, listed, count, samples, seed, work,
             if _height_seen(s, n, front, u, v, h, hu, hv) <= 0.0:
                 continue
             up += 1
-            if not _point_blocked(s, u, v, x, blockers, listed, 0, count, work, h, hu, hv):
+            if not _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
                 seen += 1
     if up == 0:
-        blocked = _centre_blocked(s, n, front, x, blockers, listed, 0, count, work, h, hu, hv)
+        blocked = _centre_blocked(s, n, front, x, blockers, listed, first, count, work, h, hu, hv)
         return 0.0 if blocked else 1.0
     return seen / up
 
@@ -557,7 +559,7 @@ def visible_factor(
     depths, cone = np.empty(2), np.empty(4)
     low_u, high_u = parts[12], parts[13]
     deepest = lists.shape[0] - 1
-    stack[0] = s0
+    copy_net(s0, stack[0])
     depth[0] = 0
     top = 1
     at_infinity = s0[0, 0, 3] == 0.0
@@ -574,7 +576,8 @@ def visible_factor(
             cone[0], cone[1], cone[2], cone[3] = 0.0, 0.0, 0.0, 2.0
         else:
             if level == 0 or cone0[3] == 0.0:
-                cone[:] = cone0
+                for k in range(4):
+                    cone[k] = cone0[k]
             else:
                 normal_cone(cell, cone)
             if not flags & ALWAYS_FRONT:

@@ -8,7 +8,7 @@ import numpy as np
 
 from .contour import horizon_tolerance, shift_net
 from .nets import ALWAYS_FRONT, CONCAVE, CONVEX, PLANAR
-from .pyramid import FRONT, NO_BLOCKER, see_blockers, visible_factor
+from .pyramid import FRONT, MIXED, NO_BLOCKER, see_blockers, visible_factor
 
 #: Columns of the counters of a row.
 DARK_PAIRS, UNOCCLUDED, SCANNED, TRACED, CELLS = range(5)
@@ -147,7 +147,11 @@ def trace_row(
             if _apart(cone, views[m]):
                 continue
             b = active[m]
-            if b == patch and (state[b] == FRONT or flags & (PLANAR | CONVEX | CONCAVE)):
+            if b == patch and (
+                state[b] == FRONT
+                or flags & (PLANAR | CONVEX)
+                or (flags & CONCAVE and state[b] != MIXED)
+            ):
                 continue  # seen from one side throughout, a patch does not hide itself
             if blockers.solid[b] == solid and (blockers.bulging[solid] or blockers.hollow[solid]):
                 continue

@@ -221,16 +221,24 @@ def _crossing(s, k, c, h, hu, hv):
     # On the edge itself, or the arc would not begin where the edge ends; not so at a pole.
     inwards = 0.0 if size > 1e-12 * far else _INWARDS
     lo, hi = _INWARDS, 1.0 - _INWARDS  # an end may be a pole
-    glo = edge_facing(s, k, lo, inwards, h, hu, hv)
-    ghi = edge_facing(s, k, hi, inwards, h, hu, hv)
-    if (glo > 0.0) == (ghi > 0.0):
-        return math.nan
-    for step in range(60):
-        t = lo - glo * (hi - lo) / (ghi - glo)
-        if step % 3 == 2 or not lo < t < hi:
-            t = 0.5 * (lo + hi)
+    glo = ghi = 0.0
+    for step in range(62):
+        if step == 0:
+            t = lo
+        elif step == 1:
+            t = hi
+        else:
+            t = lo - glo * (hi - lo) / (ghi - glo)
+            if step % 3 == 2 or not lo < t < hi:
+                t = 0.5 * (lo + hi)
         gt = edge_facing(s, k, t, inwards, h, hu, hv)
-        if (gt > 0.0) == (glo > 0.0):
+        if step == 0:
+            glo = gt
+        elif step == 1:
+            ghi = gt
+            if (glo > 0.0) == (ghi > 0.0):
+                return math.nan
+        elif (gt > 0.0) == (glo > 0.0):
             lo, glo = t, gt
         else:
             hi, ghi = t, gt
@@ -255,30 +263,23 @@ def arc_leaf(s, n, eps, small, g, c, h, hu, hv, work):
     g, c, h, hu, hv, work
         Scratch: (5,), (4, 3), three times (3,), and (6, 3).
     """
-    front_count(s, 0.0, g, h, hu, hv)
-    g[4] = g[0]
     path = np.empty(5)
     changes = 0
-    out_k = in_k = -1
+    edges = (-1, -1)  # where the front is left, and where it is entered again
     for k in range(4):
-        a, b = g[k] > 0.0, g[k + 1] > 0.0
-        if a != b:
-            changes += 1
-            if a:
-                out_k = k
-            else:
-                in_k = k
         # No second change on the way: neither at three points between the corners, nor at the
         # turning points of parabolas through them.
-        path[0], path[4] = g[k], g[k + 1]
         turns = 0
-        for m in range(1, 5):
-            if m < 4:
-                path[m] = edge_facing(s, k, 0.25 * m, _INWARDS, h, hu, hv)
-            if (path[m] > 0.0) != (path[m - 1] > 0.0):
+        for m in range(5):
+            path[m] = edge_facing(s, k, 0.25 * m, _INWARDS, h, hu, hv)
+            if m > 0 and (path[m] > 0.0) != (path[m - 1] > 0.0):
                 turns += 1
+        g[k] = path[0]
         if turns > 1:
             return math.nan
+        if turns == 1:
+            changes += 1
+            edges = (k, edges[1]) if path[0] > 0.0 else (edges[0], k)
         for m in range(1, 4):
             before, here, after = path[m - 1], path[m], path[m + 1]
             if (before > 0.0) != (here > 0.0) or (here > 0.0) != (after > 0.0):
@@ -294,30 +295,35 @@ def arc_leaf(s, n, eps, small, g, c, h, hu, hv, work):
                 if (facing_at(s, 0.2 + 0.3 * i, 0.2 + 0.3 * j, h, hu, hv) > 0.0) != front:
                     return math.nan
         return ALL_FRONT if front else ALL_BACK
-    if changes != 2:
+    out_k, in_k = edges
+    if changes != 2 or out_k < 0 or in_k < 0:
         return math.nan
-    t_out = _crossing(s, out_k, c, h, hu, hv)
-    t_in = _crossing(s, in_k, c, h, hu, hv)
-    if not (t_out >= 0.0 and t_in >= 0.0):
-        return math.nan
-    cu = (0.0, 1.0, 1.0, 0.0, 0.0)
-    cv = (0.0, 0.0, 1.0, 1.0, 0.0)
-    u0 = cu[out_k] + t_out * (cu[out_k + 1] - cu[out_k])
-    v0 = cv[out_k] + t_out * (cv[out_k + 1] - cv[out_k])
-    u1 = cu[in_k] + t_in * (cu[in_k + 1] - cu[in_k])
-    v1 = cv[in_k] + t_in * (cv[in_k + 1] - cv[in_k])
-    high = _arc(s, u0, v0, u1, v1, n, _HIGH_ORDER, work)
-    if not math.isfinite(high):
-        return math.nan
-    low = _arc(s, u0, v0, u1, v1, n, _LOW_ORDER, work)
+    u0 = v0 = u1 = v1 = t_out = t_in = 0.0
+    for end in range(2):
+        k = edges[end]
+        t = _crossing(s, k, c, h, hu, hv)
+        if not t >= 0.0:
+            return math.nan
+        u = t if k == 0 else (1.0 if k == 1 else (1.0 - t if k == 2 else 0.0))
+        v = 0.0 if k == 0 else (t if k == 1 else (1.0 if k == 2 else 1.0 - t))
+        if end == 0:
+            u0, v0, t_out = u, v, t
+        else:
+            u1, v1, t_in = u, v, t
+    low = high = 0.0
+    for order in (_LOW_ORDER, _HIGH_ORDER):
+        low = high
+        high = _arc(s, u0, v0, u1, v1, n, order, work)
+        if not math.isfinite(high):
+            return math.nan
     total, start = high, t_in
     for m in range(5):
         k = (in_k + m) % 4
         load_edge(s, k, c)
-        if k == out_k and start <= t_out:
-            total += edge_term(c, start, t_out, n, eps)
+        last = k == out_k and start <= t_out
+        total += edge_term(c, start, t_out if last else 1.0, n, eps)
+        if last:
             break
-        total += edge_term(c, start, 1.0, n, eps)
         start = 0.0
     factor = -total / _TWO_PI
     if not abs(high - low) <= _TWO_PI * max(eps * abs(factor), small):

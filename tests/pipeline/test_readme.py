@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import subprocess
@@ -59,7 +60,7 @@ def test_files_exist():
 
 @pytest.mark.slow
 def test_script_runs(tmp_path):
-    (script,) = blocks("python")
+    script, _ = blocks("python")
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True
     )
@@ -68,3 +69,15 @@ def test_script_runs(tmp_path):
     assert unit == "lx"
     assert 0.0 < float(error) < 0.05 * float(average)
     assert (tmp_path / "report" / "report.html").stat().st_size > 10_000
+
+
+def test_form_factor_script(capsys):
+    """The second script: a bracket about the closed form of a ball before a lamp."""
+    _, script = blocks("python")
+    names: dict = {}
+    exec(script, names)
+    found = names["found"]
+    square = 4 * 0.5 / math.hypot(1, 0.5) * math.atan(0.5 / math.hypot(1, 0.5)) / math.pi
+    assert found.low.sum() <= square - (0.3 / 1.2) ** 2 <= found.high.sum()
+    assert found.high.sum() - found.low.sum() < 1e-4 and found.proved
+    assert "[[" in capsys.readouterr().out

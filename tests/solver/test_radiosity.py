@@ -90,10 +90,6 @@ def test_direct_and_indirect_add_up():
     np.testing.assert_allclose(total, emitted + 0.5 * lit[:, 0], rtol=1e-6)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="sampled rows are not reciprocal: the residual is 1.02e-3 on one of the meshes",
-)
 def test_balance_closes():
     """Reciprocity of the form factors is not built in; its failure is the residual."""
     lamp = ceiling(-0.5, 0.5, -0.5, 0.5, 1.3)
