@@ -11,7 +11,8 @@ from .mesh import divisions
 from .model.arrays import IntArray
 from .model.scene import SceneData
 
-#: Elements beyond which the mesh is made coarser instead: the dense matrix takes 12 bytes a pair.
+#: Elements beyond which the mesh is made coarser instead: the dense matrix and its
+#: variances take some 40 bytes a pair while rows are closed.
 MAX_ELEMENTS = 4000
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
 NODES = 2
@@ -137,14 +138,11 @@ class Budget:
     def seconds(self, scene: SceneData) -> float:
         """Rough wall-clock time on two cores. [s]
 
-        From runs on a furnished room and machine parts (0.05 to 0.01): 4 µs a pair of node and
-        element, growing with the number of patches that may hide something, and 1 ms a node that
-        may see the sky; half as much again for the comparison with a coarser mesh.
+        From runs on a furnished room and on a machine part (0.05): 1 µs a pair of node and element
+        with the comparison with a coarser mesh, 40 ms a sensor that may see the sky.
         """
-        pairs = float(self.receivers) * self.elements
-        clutter = 1.0 + len(scene.patches) / 500.0
-        time = 1.0 + 2e-6 * pairs * clutter
+        time = 1.0 + 1e-6 * float(self.receivers) * self.elements
         if scene.sky is not None:
-            time += 1e-3 * self.receivers * clutter
+            time += 0.04 * sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
         return time + 6e-6 * pixels

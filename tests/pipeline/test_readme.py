@@ -71,6 +71,7 @@ def test_script_runs(tmp_path):
     assert (tmp_path / "report" / "report.html").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_form_factor_script(capsys):
     """The second script: a bracket about the closed form of a ball before a lamp."""
     _, script = blocks("python")

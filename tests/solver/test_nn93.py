@@ -16,6 +16,9 @@ from .fixtures_light import UP, ceiling, rectangle
 
 LAMP = ceiling(-1.5, 1.5, -1.5, 1.5, 2.0)
 
+#: Its kernels take most of a minute to compile.
+pytestmark = pytest.mark.slow
+
 
 def polygon(point, normal, vertices):
     """Lambert's formula for a polygon wholly above the horizon, seen from its + side."""

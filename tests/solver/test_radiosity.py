@@ -170,11 +170,6 @@ def test_cavity_at_high_reflectance_keeps_its_digits():
     assert abs(result.balance.escaped_lm) <= 5e-3 * result.balance.emitted_lm
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="rows of curved elements are 1.5e-5 too large on average, all of one sign: the order "
-    "of the contour rule ignores the weights of their edges",
-)
 @pytest.mark.slow
 def test_sphere_cavity_to_its_goal():
     """Within 1e-4 at any reflectance up to 0.99."""
