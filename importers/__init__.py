@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from patchlight.solver.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from .cadquery_model import from_cadquery
@@ -14,15 +15,12 @@ if TYPE_CHECKING:
 __all__ = ["cad_face", "from_cadquery", "inspection", "read_step", "select_faces"]
 
 _HOME = {
-    "cad_face": "selection",
-    "from_cadquery": "cadquery_model",
-    "inspection": "describe",
-    "read_step": "step",
-    "select_faces": "selection",
+    "cad_face": ".selection",
+    "from_cadquery": ".cadquery_model",
+    "inspection": ".describe",
+    "read_step": ".step",
+    "select_faces": ".selection",
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        return getattr(import_module(f".{_HOME[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = lazy_attributes(__name__, _HOME)

@@ -6,7 +6,9 @@ what they need when called.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from patchlight.solver.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from .batch import write_batch_summary
@@ -25,22 +27,17 @@ __all__ = [
 ]
 
 _HOME = {
-    "RequirementResult": "metrics",
-    "evaluate_requirements": "metrics",
-    "pdf_status": "status",
-    "rendering_status": "status",
-    "write_batch_summary": "batch",
-    "write_report": "writer",
-    "write_run": "writer",
+    "RequirementResult": ".metrics",
+    "evaluate_requirements": ".metrics",
+    "pdf_status": ".status",
+    "rendering_status": ".status",
+    "write_batch_summary": ".batch",
+    "write_report": ".writer",
+    "write_run": ".writer",
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__ = lazy_attributes(__name__, _HOME)
 
 
 def __dir__() -> list[str]:

@@ -42,7 +42,7 @@ class Budget:
         Unoccluded form factor above which a pair is traced by pyramids.
     cell_eps, lamp_cell_eps : float
         Form factor below which a partly hidden cell is sampled: between surfaces, and of lamps.
-    dome_cell_eps, sensor_dome_cell_eps : float
+    sensor_dome_cell_eps : float
         The same for cells of the sky seen from surfaces and from sensors.
     sun_cell_eps : float
         The same for parts of the sun's disc, relative to the whole disc.
@@ -60,7 +60,6 @@ class Budget:
     exact_above: float
     cell_eps: float
     lamp_cell_eps: float
-    dome_cell_eps: float
     sensor_dome_cell_eps: float
     sun_cell_eps: float
 
@@ -112,7 +111,6 @@ class Budget:
             exact_above=accuracy,
             cell_eps=0.1 * accuracy,
             lamp_cell_eps=1e-2 * accuracy,
-            dome_cell_eps=0.1 * accuracy,
             sensor_dome_cell_eps=2e-3 * accuracy,
             sun_cell_eps=5e-2 * accuracy,
         )
@@ -130,7 +128,6 @@ class Budget:
             "traced_form_factor": self.exact_above,
             "cell_form_factor": self.cell_eps,
             "lamp_cell_form_factor": self.lamp_cell_eps,
-            "sky_cell_form_factor": self.dome_cell_eps,
             "sensor_sky_cell_form_factor": self.sensor_dome_cell_eps,
             "sun_cell_fraction": self.sun_cell_eps,
         }

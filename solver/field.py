@@ -26,6 +26,7 @@ from .spectra import cct_to_rgb
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
+from .topology import is_single
 
 #: Distance above a surface at which it is asked whether something lies on it, relative to the
 #: scene's size.
@@ -79,8 +80,6 @@ class Field:
         The elements and their optical state.
     sources : Sources
         The elements as the kernels see them.
-    lifts : (n,) array
-        How far their facets leave them. [m]
     factors : (n, n) array
         Form factors.
     row_sums : (n,) array
@@ -95,7 +94,6 @@ class Field:
 
     surfaces: Surfaces
     sources: Sources
-    lifts: FloatArray
     factors: FloatArray
     row_sums: FloatArray
     sees_out: bool
@@ -133,11 +131,7 @@ class FieldSolver:
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         #: All there is is one convex cavity.
-        self.in_cavity = bool(
-            blockers.closed.all()
-            and len(np.unique(blockers.solid)) == 1
-            and blockers.hollow[blockers.solid[0]]
-        )
+        self.in_cavity = is_single(blockers, blockers.hollow)
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
 
@@ -155,16 +149,14 @@ class FieldSolver:
         sees_out = self._sees_out(rows, lit)
         light = Light({}, np.zeros(len(elements)), np.zeros(len(elements)))
         scanned = rows.outside if self.trace else None
-        self._add_dome(light, receivers, budget, budget.dome_cell_eps, sees_out, name, scanned)
+        self._add_dome(light, receivers, budget, sees_out, name, scanned)
         rows = self._closed(rows, light, sees_out)
         self._add_lamps(light, rows, surfaces)
         with self.stages.run(name or "radiosity"):
             reflected, products = solve_radiosity(rows.factors, surfaces.reflectance, light.direct)
         self.stages.count({"matrix_products": products})
         gathered = self._gathered(light, rows, surfaces, reflected)
-        return Field(
-            surfaces, sources, lifts, rows.factors, row_sums, sees_out, gathered, reflected
-        )
+        return Field(surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected)
 
     def gather(self, grid: Sensors, budget: Budget, field: Field) -> Gathered:
         """Direct light at the sensors themselves, indirect light from the elements."""
@@ -179,7 +171,7 @@ class FieldSolver:
         with self.stages.run("sensors") as tell:
             rows = self._rows(budget, receivers, fine, tell, share=FINE_SHARE)
         light = Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
-        self._add_dome(light, receivers, budget, budget.sensor_dome_cell_eps, field.sees_out, None)
+        self._add_dome(light, receivers, budget, field.sees_out, None)
         rows = self._closed(rows, light, field.sees_out)
         self._add_lamps(light, rows, field.surfaces)
         return self._gathered(light, rows, field.surfaces, field.reflected)
@@ -307,7 +299,6 @@ class FieldSolver:
         light: Light,
         receivers: Receivers,
         budget: Budget,
-        eps: float,
         sees_out: bool,
         stage: str | None,
         scanned: FloatArray | None = None,
@@ -318,6 +309,7 @@ class FieldSolver:
         `form_factor_matrix` saw of them.
         """
         scene, stages, trace = self.scene, self.stages, self.trace
+        eps = budget.sensor_dome_cell_eps
         jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
         if scene.sky is not None:
             jobs.append(("sky", dome_cells(0.0, 90.0), scene.sky, eps, scene.sky.cct_k))

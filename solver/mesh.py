@@ -8,7 +8,7 @@ import numpy as np
 
 from .errors import GeometryError
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import areas, gauss_rule, sub_net, tangents
+from .model.bezier import areas, gauss_rule, sub_net, surface_points, tangents
 from .model.elements import Elements
 from .model.patches import PatchSet
 
@@ -89,15 +89,14 @@ def make_elements(
     all_nets = np.array(nets)
     u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
     rule_weight = np.outer(weight, weight).ravel()
-    points = np.empty((len(nets), nodes * nodes, 3))
-    normals, weights = np.empty_like(points), np.empty(points.shape[:2])
-    for k, net in enumerate(all_nets):
-        points[k], su, sv = tangents(net, u, v)
-        n = np.cross(su, sv)
-        length = np.linalg.norm(n, axis=1)
-        if not (length > 0.0).all():
-            raise GeometryError(f"patch {index[k]}: it has no area near an edge")
-        normals[k], weights[k] = n / length[:, None], length * rule_weight
+    own_u, own_v = (np.broadcast_to(t, (len(nets), len(u))) for t in (u, v))
+    points, su, sv = surface_points(all_nets, own_u, own_v)
+    normals = np.cross(su, sv)
+    length = np.linalg.norm(normals, axis=2)
+    bad = np.flatnonzero(~(length > 0.0).all(axis=1))
+    if bad.size:
+        raise GeometryError(f"patch {index[bad[0]]}: it has no area near an edge")
+    normals, weights = normals / length[:, :, None], length * rule_weight
     area = areas(all_nets)
     if not (area > 0.0).all():
         raise GeometryError(f"patch {index[int(np.argmin(area))]}: its area is zero")

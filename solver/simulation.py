@@ -16,7 +16,7 @@ from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
-from .topology import make_blockers
+from .topology import is_single, make_blockers
 
 #: How often the mesh is made finer where the accuracy asked for is not reached, and the elements
 #: beyond which it is not.
@@ -95,16 +95,14 @@ class _Simulation:
         self.budget = Budget.of(scene, accuracy)
 
     def run(self) -> Result:
-        scene, stages, budget = self.scene, self.stages, self.budget
+        scene, stages = self.scene, self.stages
         with stages.run("geometry"):
             blockers = make_blockers(scene.patches, scene.closed, scene.patches.part_index)
             stages.warnings.extend(check_placement(scene))
         self._say_skipped(blockers)
         trace = "visibility" not in stages.skipped
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages)
-        field = solver.solve(budget)
-        grids = {grid.name: solver.gather(grid, budget, field) for grid in scene.sensors}
-        shifts, surface_shift = self._mesh_check(solver, field, grids, None)
+        field, grids, shifts, surface_shift = self._solved(solver, None)
         sensors = self._sensors(grids, shifts)
         for _ in range(REFINEMENTS):
             finer = self.budget.finer(scene)
@@ -115,10 +113,8 @@ class _Simulation:
                 or not self._converged(self._sensors(grids, {}))
             ):
                 break  # it is good enough, too large, or not for the mesh that it is not
-            coarse, self.budget = field, finer
-            field = solver.solve(finer, name="finer mesh")
-            grids = {grid.name: solver.gather(grid, finer, field) for grid in scene.sensors}
-            shifts, surface_shift = self._mesh_check(solver, field, grids, coarse)
+            self.budget = finer
+            field, grids, shifts, surface_shift = self._solved(solver, field)
             sensors = self._sensors(grids, shifts)
         budget = self.budget
         self._count(field)
@@ -148,6 +144,15 @@ class _Simulation:
         counters["patches"], counters["elements"] = len(self.scene.patches), len(elements)
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
+
+    def _solved(
+        self, solver: FieldSolver, coarse: Field | None
+    ) -> tuple[Field, dict[str, Gathered], dict[str, FloatArray], FloatArray]:
+        """Light on the mesh of the budget and at the sensors, and what a coarser mesh changes."""
+        budget = self.budget
+        field = solver.solve(budget, name=None if coarse is None else "finer mesh")
+        grids = {grid.name: solver.gather(grid, budget, field) for grid in self.scene.sensors}
+        return field, grids, *self._mesh_check(solver, field, grids, coarse)
 
     def _sensors(
         self, grids: dict[str, Gathered], shifts: dict[str, FloatArray]
@@ -230,11 +235,10 @@ class _Simulation:
         scene, skipped = self.scene, self.stages.skipped
         if self.visibility == "none":
             skipped["visibility"] = "switched off"
-        elif blockers.closed.all() and len(np.unique(blockers.solid)) == 1:
-            if blockers.hollow[blockers.solid[0]]:
-                skipped["visibility"] = "one convex cavity: nothing can hide anything"
-            elif blockers.bulging[blockers.solid[0]] and not scene.sensors:
-                skipped["visibility"] = "one convex body: nothing can hide anything"
+        elif is_single(blockers, blockers.hollow):
+            skipped["visibility"] = "one convex cavity: nothing can hide anything"
+        elif is_single(blockers, blockers.bulging) and not scene.sensors:
+            skipped["visibility"] = "one convex body: nothing can hide anything"
         if scene.is_grey:
             skipped["colour"] = "every material is grey: one band"
         if not scene.luminaires:

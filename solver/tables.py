@@ -9,7 +9,7 @@ import numpy as np
 from .kernels.edges import Edges
 from .kernels.meridian import Facets
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import bernstein, bernstein_derivative, gauss_rule
+from .model.bezier import gauss_rule, surface_points
 from .model.elements import Elements
 from .topology import writable
 
@@ -97,25 +97,6 @@ def make_edges(
         edge_sign=writable(1.0 - 2.0 * side),
         area_point=writable(inside - origin),
         area_normal=writable(area),
-    )
-
-
-def surface_points(
-    nets: FloatArray, u: FloatArray, v: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points and first derivatives (n, k, 3) of nets (n, 4, 4, 4) at their own u, v (n, k)."""
-    bu, bv = bernstein(u), bernstein(v)
-    du, dv = bernstein_derivative(u), bernstein_derivative(v)
-    h, hu, hv = (
-        np.einsum("nki,nkj,nijc->nkc", a, b, nets, optimize=True)
-        for a, b in ((bu, bv), (du, bv), (bu, dv))
-    )
-    w = h[..., 3:]
-    point = h[..., :3] / w
-    return (
-        point,
-        (hu[..., :3] - hu[..., 3:] * point) / w,
-        (hv[..., :3] - hv[..., 3:] * point) / w,
     )
 
 

@@ -180,3 +180,9 @@ def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Block
         hollow=hollow,
         spheres=bounding_spheres(nets),
     )
+
+
+def is_single(blockers: Blockers, shape: IntArray) -> bool:
+    """Whether all there is is one closed solid of a ``shape``: ``.bulging`` or ``.hollow``."""
+    one = blockers.closed.all() and len(np.unique(blockers.solid)) == 1
+    return bool(one and shape[blockers.solid[0]])

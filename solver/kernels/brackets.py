@@ -26,8 +26,8 @@ import math
 import numba as nb
 import numpy as np
 
-from .contour import horizon_tolerance, shift_net
-from .nets import CONCAVE, CONVEX, PLANAR, heights, surface
+from .contour import horizon_tolerance, is_great_circle, shift_net
+from .nets import CONCAVE, CONVEX, PLANAR, heights, surface, weight_at
 from .pieces import (
     BACK,
     FRONT,
@@ -35,15 +35,14 @@ from .pieces import (
     NONE,
     angular_size,
     casts_shadow_edge,
-    edge_outside,
     make_pieces,
     quarter,
     see_surfaces,
     see_tangents,
 )
-from .pyramid import make_pyramid, outside_pyramid
+from .pyramid import edge_outside, make_pyramid, outside_pyramid
 from .ray_patch import HIT, MISS, WORK, ray_patch_any
-from .sure_contour import is_straight, pyramid_factor, sure_factor
+from .sure_contour import SAGITTA, SLACK, pyramid_factor, sure_factor
 
 #: Cells that one pair may wait with, numbers in their lists, pieces of one receiver.
 CELLS, LISTED, PIECES = 200000, 4000000, 30000
@@ -155,13 +154,7 @@ def _ray(surfaces, pieces, mine, count, sheet, x, h, work):
 def _point(s, u, v, h, hu, hv):
     """Euclidean point of the cell at (u, v) into ``h``."""
     surface(s, u, v, h, hu, hv)
-    ru, rv = 1.0 - u, 1.0 - v
-    bu = (ru * ru * ru, 3.0 * u * ru * ru, 3.0 * u * u * ru, u * u * u)
-    bv = (rv * rv * rv, 3.0 * v * rv * rv, 3.0 * v * v * rv, v * v * v)
-    w = 0.0
-    for a in range(4):
-        for c in range(4):
-            w += bu[a] * bv[c] * s[a, c, 3]
+    w = weight_at(s, u, v)
     for k in range(3):
         h[k] /= w
 
@@ -458,7 +451,7 @@ def _look(
                         continue
                     if edge_outside(planes, n, rounding, pieces.nets[i], side, c, _TOUCH):
                         continue
-                    if is_straight(c):
+                    if is_great_circle(c, SAGITTA, SLACK):
                         p[:], q[:] = c[0], c[3]
                         if not _clip(planes, p, q):
                             continue

@@ -88,6 +88,14 @@ def cubic_point(c, t, h):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def turning(h, gx, gy, gz, n):
+    """Integrand n · (H × H')/|H|² of the contour at a point H with derivative g."""
+    num = n[0] * (h[1] * gz - h[2] * gy) + n[1] * (h[2] * gx - h[0] * gz)
+    num += n[2] * (h[0] * gy - h[1] * gx)
+    return num / (h[0] ** 2 + h[1] ** 2 + h[2] ** 2 + 1e-100)
+
+
+@nb.njit(cache=True, error_model="numpy")
 def chord_term(px, py, pz, qx, qy, qz, n):
     """Contour term of a straight edge (great-circle arc) from p to q: n · (p × q) β / |p × q|."""
     cx = py * qz - pz * qy
@@ -101,8 +109,11 @@ def chord_term(px, py, pz, qx, qy, qz, n):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _is_great_circle(c):
-    """Whether all control vectors lie in one plane through the receiver."""
+def is_great_circle(c, sagitta, rounding):
+    """Whether all control vectors lie in one plane through the receiver.
+
+    Within ``sagitta`` and ``rounding``, which grows as the ends come to lie in one direction.
+    """
     mx = c[0, 1] * c[3, 2] - c[0, 2] * c[3, 1]
     my = c[0, 2] * c[3, 0] - c[0, 0] * c[3, 2]
     mz = c[0, 0] * c[3, 1] - c[0, 1] * c[3, 0]
@@ -112,8 +123,7 @@ def _is_great_circle(c):
     )
     if m <= 1e-13 * ends:
         return False
-    # Rounding of the triple product grows with ends / m; below 1e-11 the sagitta is invisible.
-    tolerance = 1e-11 + 1e-15 * ends / m
+    tolerance = sagitta + rounding * ends / m
     for i in range(1, 3):
         d = abs(mx * c[i, 0] + my * c[i, 1] + mz * c[i, 2])
         size = math.sqrt(c[i, 0] ** 2 + c[i, 1] ** 2 + c[i, 2] ** 2)
@@ -214,7 +224,8 @@ def curve_term(c, ta, tb, n, eps):
 @nb.njit(cache=True, error_model="numpy")
 def edge_term(c, ta, tb, n, eps):
     """Contour term of edge ``c`` over [ta, tb]; closed form where it is straight seen from x."""
-    if _is_great_circle(c):
+    # Below 1e-11 the sagitta is invisible.
+    if is_great_circle(c, 1e-11, 1e-15):
         p, q = np.empty(3), np.empty(3)
         cubic_point(c, ta, p)
         cubic_point(c, tb, q)
@@ -223,7 +234,7 @@ def edge_term(c, ta, tb, n, eps):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _cubic(s0, s1, s2, s3, t):
+def cubic(s0, s1, s2, s3, t):
     r = 1.0 - t
     return r * r * r * s0 + 3.0 * t * r * r * s1 + 3.0 * t * t * r * s2 + t * t * t * s3
 
@@ -263,7 +274,7 @@ def sign_breaks(s0, s1, s2, s3, out):
     out[0] = 0.0
     for k in range(m):
         lo, hi = cuts[k], cuts[k + 1]
-        flo, fhi = _cubic(s0, s1, s2, s3, lo), _cubic(s0, s1, s2, s3, hi)
+        flo, fhi = cubic(s0, s1, s2, s3, lo), cubic(s0, s1, s2, s3, hi)
         if (flo > 0.0) == (fhi > 0.0):
             continue
         for _ in range(200):  # bisection with a secant guess: never leaves the bracket
@@ -274,7 +285,7 @@ def sign_breaks(s0, s1, s2, s3, out):
                     mid = guess
             if hi - lo <= 2e-16 or mid <= lo or mid >= hi:
                 break
-            fm = _cubic(s0, s1, s2, s3, mid)
+            fm = cubic(s0, s1, s2, s3, mid)
             if fm == 0.0:
                 lo = hi = mid
                 break
@@ -409,7 +420,7 @@ def contour_factor(s, n, eps, rounding):
             count = sign_breaks(s0, s1, s2, s3, breaks)
         for m in range(count - 1):
             ta, tb = breaks[m], breaks[m + 1]
-            up = level or (high > 0.0 and _cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0)
+            up = level or (high > 0.0 and cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0)
             if up:
                 if not above:
                     cubic_point(c, ta, h)

@@ -79,6 +79,19 @@ def surface(s, u, v, h, hu, hv):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def weight_at(s, u, v):
+    """Weight of the net at (u, v)."""
+    ru, rv = 1.0 - u, 1.0 - v
+    bu = (ru * ru * ru, 3.0 * u * ru * ru, 3.0 * u * u * ru, u * u * u)
+    bv = (rv * rv * rv, 3.0 * v * rv * rv, 3.0 * v * v * rv, v * v * v)
+    w = 0.0
+    for a in range(4):
+        for c in range(4):
+            w += bu[a] * bv[c] * s[a, c, 3]
+    return w
+
+
+@nb.njit(cache=True, error_model="numpy")
 def facing_at(s, u, v, h, hu, hv):
     """Positive where the receiver is on the + side at (u, v): −det(H, H_u, H_v)."""
     surface(s, u, v, h, hu, hv)

@@ -16,9 +16,8 @@ import math
 import numba as nb
 import numpy as np
 
-from .contour import chord_term, horizon_tolerance, load_edge, shift_net
+from .contour import chord_term, cubic_point, horizon_tolerance, load_edge, shift_net
 from .nets import halve_u, halve_v
-from .sure_contour import point_on
 
 _TWO_PI = 2.0 * math.pi
 #: Scanlines across a sub-element.
@@ -66,7 +65,7 @@ def polygon_factor(s, n, chords):
     for k in range(4):
         load_edge(s, k, c)
         for m in range(chords):
-            point_on(c, m / chords, loop[count])
+            cubic_point(c, m / chords, loop[count])
             count += 1
     kept = np.empty((8 * chords + 8, 3))
     k = 0

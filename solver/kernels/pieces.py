@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .contour import load_edge
 from .nets import halve_u, halve_v
 
 #: How a surface is seen: not at all (below the horizon or edge-on), + side, − side, both.
@@ -290,33 +289,6 @@ def casts_shadow_edge(pieces, surfaces, i, side):
         return 1
     same = seen == pieces.state[i]
     return 1 if same == (beyond[3] < 0) else 0
-
-
-@nb.njit(cache=True, error_model="numpy")
-def edge_outside(planes, n, rounding, s, side, c, touch):
-    """Whether a side of ``s`` lies below the horizon or outside one side plane of the pyramid.
-
-    The control vectors of the side are left in ``c`` (4, 3).
-    """
-    load_edge(s, side, c)
-    high = -1e300
-    for m in range(4):
-        high = max(high, n[0] * c[m, 0] + n[1] * c[m, 1] + n[2] * c[m, 2])
-    if high <= rounding:
-        return True
-    for k in range(4):
-        mx, my, mz = planes[k, 0], planes[k, 1], planes[k, 2]
-        if mx == 0.0 and my == 0.0 and mz == 0.0:
-            continue
-        outside = True
-        for m in range(4):
-            x, y, z = c[m, 0], c[m, 1], c[m, 2]
-            if mx * x + my * y + mz * z > touch * (abs(x) + abs(y) + abs(z)):
-                outside = False
-                break
-        if outside:
-            return True
-    return False
 
 
 @nb.njit(cache=True, error_model="numpy")

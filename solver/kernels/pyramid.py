@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from .contour import load_edge
 from .nets import (
     ALWAYS_FRONT,
     copy_net,
@@ -34,6 +35,7 @@ from .nets import (
     heights,
     normal_cone,
     surface,
+    weight_at,
 )
 from .patch_factor import patch_factor
 from .ray_patch import MISS, WORK, ray_patch_any
@@ -264,19 +266,15 @@ def outside_pyramid(planes, s):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _edge_outside(planes, n, rounding, s, side):
-    """Whether boundary edge ``side`` of ``s`` is below the horizon or outside one side plane."""
+def edge_outside(planes, n, rounding, s, side, c, touch):
+    """Whether a side of ``s`` lies below the horizon or outside one side plane of the pyramid.
+
+    The control vectors of the side are left in ``c`` (4, 3).
+    """
+    load_edge(s, side, c)
     high = -1e300
     for m in range(4):
-        if side == 0:
-            i, j = m, 0
-        elif side == 1:
-            i, j = 3, m
-        elif side == 2:
-            i, j = m, 3
-        else:
-            i, j = 0, m
-        high = max(high, n[0] * s[i, j, 0] + n[1] * s[i, j, 1] + n[2] * s[i, j, 2])
+        high = max(high, n[0] * c[m, 0] + n[1] * c[m, 1] + n[2] * c[m, 2])
     if high <= rounding:
         return True
     for k in range(4):
@@ -285,16 +283,8 @@ def _edge_outside(planes, n, rounding, s, side):
             continue
         outside = True
         for m in range(4):
-            if side == 0:
-                i, j = m, 0
-            elif side == 1:
-                i, j = 3, m
-            elif side == 2:
-                i, j = m, 3
-            else:
-                i, j = 0, m
-            x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
-            if mx * x + my * y + mz * z > _TOUCH * (abs(x) + abs(y) + abs(z)):
+            x, y, z = c[m, 0], c[m, 1], c[m, 2]
+            if mx * x + my * y + mz * z > touch * (abs(x) + abs(y) + abs(z)):
                 outside = False
                 break
         if outside:
@@ -404,13 +394,7 @@ def _blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
 def _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
     """Whether a listed blocker hides the point (u, v) of the cell from the receiver."""
     surface(s, u, v, h, hu, hv)
-    ru, rv = 1.0 - u, 1.0 - v
-    bu = (ru * ru * ru, 3.0 * u * ru * ru, 3.0 * u * u * ru, u * u * u)
-    bv = (rv * rv * rv, 3.0 * v * rv * rv, 3.0 * v * v * rv, v * v * v)
-    w = 0.0
-    for a in range(4):
-        for c in range(4):
-            w += bu[a] * bv[c] * s[a, c, 3]
+    w = weight_at(s, u, v)
     t_max = 1.0 - 1e-7
     if w == 0.0:
         w, t_max = 1.0, 1e300
@@ -556,7 +540,7 @@ def visible_factor(
     planes, lists, work = scratch.planes, scratch.lists, scratch.work
     shifted, state = scratch.shifted, scratch.state
     h, hu, hv = scratch.small[0], scratch.small[1], scratch.small[2]
-    depths, cone = np.empty(2), np.empty(4)
+    depths, cone, edge = np.empty(2), np.empty(4), np.empty((4, 3))
     low_u, high_u = parts[12], parts[13]
     deepest = lists.shape[0] - 1
     copy_net(s0, stack[0])
@@ -637,7 +621,7 @@ def visible_factor(
                 other = blockers.adjacent[b, side]
                 if other >= 0 and state[other] == state[b]:
                     continue
-                if not _edge_outside(planes, n, rounding, shifted[b], side):
+                if not edge_outside(planes, n, rounding, shifted[b], side, edge, _TOUCH):
                     run_clean = False
                     break
         if dark:

@@ -12,7 +12,7 @@ import math
 import numba as nb
 import numpy as np
 
-from .contour import GAUSS_NODES, GAUSS_START, GAUSS_WEIGHTS, edge_term, load_edge
+from .contour import GAUSS_NODES, GAUSS_START, GAUSS_WEIGHTS, edge_term, load_edge, turning
 from .nets import facing_at, surface
 
 #: How far inside its edges the facing of a net is asked, in parameters.
@@ -117,12 +117,7 @@ def _chord_on_surface(s, u0, v0, u1, v1, n, h, hu, hv):
         t = GAUSS_NODES[m]
         surface(s, u0 + t * du, v0 + t * dv, h, hu, hv)
         gx, gy, gz = hu[0] * du + hv[0] * dv, hu[1] * du + hv[1] * dv, hu[2] * du + hv[2] * dv
-        num = (
-            n[0] * (h[1] * gz - h[2] * gy)
-            + n[1] * (h[2] * gx - h[0] * gz)
-            + n[2] * (h[0] * gy - h[1] * gx)
-        )
-        total += GAUSS_WEIGHTS[m] * num / (h[0] ** 2 + h[1] ** 2 + h[2] ** 2 + 1e-100)
+        total += GAUSS_WEIGHTS[m] * turning(h, gx, gy, gz, n)
     return total
 
 
@@ -201,12 +196,7 @@ def _arc(s, u0, v0, u1, v1, n, order, work):
         surface(s, u, v, h, hu, hv)
         pu, pv = du - slope * dv, dv + slope * du
         gx, gy, gz = hu[0] * pu + hv[0] * pv, hu[1] * pu + hv[1] * pv, hu[2] * pu + hv[2] * pv
-        num = (
-            n[0] * (h[1] * gz - h[2] * gy)
-            + n[1] * (h[2] * gx - h[0] * gz)
-            + n[2] * (h[0] * gy - h[1] * gx)
-        )
-        total += GAUSS_WEIGHTS[m] * num / (h[0] ** 2 + h[1] ** 2 + h[2] ** 2 + 1e-100)
+        total += GAUSS_WEIGHTS[m] * turning(h, gx, gy, gz, n)
     return total
 
 

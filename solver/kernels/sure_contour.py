@@ -21,44 +21,21 @@ from .contour import (
     GAUSS_WEIGHTS,
     TWO_PI,
     chord_term,
+    cubic,
+    cubic_point,
+    is_great_circle,
     load_edge,
     sign_breaks,
 )
 
+#: Tolerances of `contour.is_great_circle` below which a chord errs by less than the rounding.
+SAGITTA, SLACK = 1e-13, 2e-15
 _ORDER = 12
 _REACH = 2.125
 #: (64/15) ρ^(−22) / (1 − ρ^(−2)) for 12 nodes and ρ = 4.
 _GAUSS = 64.0 / 15.0 * 4.0**-22 / (1.0 - 1.0 / 16.0)
 #: Rounding of a contour: sums of a few hundred terms below 2π.
 _ROUNDING = 4e-15
-
-
-@nb.njit(cache=True, error_model="numpy")
-def point_on(c, t, h):
-    """Point of the cubic ``c`` (4, 3) at ``t`` into ``h`` (3,)."""
-    r = 1.0 - t
-    b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
-    for k in range(3):
-        h[k] = b0 * c[0, k] + b1 * c[1, k] + b2 * c[2, k] + b3 * c[3, k]
-
-
-@nb.njit(cache=True, error_model="numpy")
-def is_straight(c):
-    """Whether the receiver sees the edge as a great circle: control vectors in one plane."""
-    mx = c[0, 1] * c[3, 2] - c[0, 2] * c[3, 1]
-    my = c[0, 2] * c[3, 0] - c[0, 0] * c[3, 2]
-    mz = c[0, 0] * c[3, 1] - c[0, 1] * c[3, 0]
-    m = math.sqrt(mx * mx + my * my + mz * mz)
-    p = math.sqrt(c[0, 0] ** 2 + c[0, 1] ** 2 + c[0, 2] ** 2)
-    q = math.sqrt(c[3, 0] ** 2 + c[3, 1] ** 2 + c[3, 2] ** 2)
-    if m <= 1e-13 * p * q:
-        return False
-    tolerance = 1e-13 + 2e-15 * p * q / m
-    for i in range(1, 3):
-        d = abs(mx * c[i, 0] + my * c[i, 1] + mz * c[i, 2])
-        if d > tolerance * m * math.sqrt(c[i, 0] ** 2 + c[i, 1] ** 2 + c[i, 2] ** 2):
-            return False
-    return True
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -76,7 +53,7 @@ def _sure_curve(c, ta, tb, n, out):
         a, b = stack[top, 0], stack[top, 1]
         half, t = 0.5 * (b - a), 0.5 * (a + b)
         r = 1.0 - t
-        point_on(c, t, h)
+        cubic_point(c, t, h)
         for k in range(3):
             d1[k] = 3.0 * (
                 r * r * (c[1, k] - c[0, k])
@@ -107,7 +84,7 @@ def _sure_curve(c, ta, tb, n, out):
         for g in range(GAUSS_START[_ORDER], GAUSS_START[_ORDER + 1]):
             t = a + 2.0 * half * GAUSS_NODES[g]
             r = 1.0 - t
-            point_on(c, t, h)
+            cubic_point(c, t, h)
             for k in range(3):
                 d1[k] = 3.0 * (
                     r * r * (c[1, k] - c[0, k])
@@ -121,12 +98,6 @@ def _sure_curve(c, ta, tb, n, out):
             )
             part += GAUSS_WEIGHTS[g] * num / (h[0] ** 2 + h[1] ** 2 + h[2] ** 2 + 1e-300)
         out[0] += 2.0 * half * part
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _height(s0, s1, s2, s3, t):
-    r = 1.0 - t
-    return r * r * r * s0 + 3.0 * t * r * r * s1 + 3.0 * t * t * r * s2 + t * t * t * s3
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -176,12 +147,12 @@ def sure_factor(s, m, n, rounding, out):
             breaks[0], breaks[1] = 0.0, 1.0
         else:
             count = sign_breaks(s0, s1, s2, s3, breaks)
-        straight = is_straight(c)
+        straight = is_great_circle(c, SAGITTA, SLACK)
         for b in range(count - 1):
             ta, tb = breaks[b], breaks[b + 1]
-            up = high > 0.0 and _height(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0
+            up = high > 0.0 and cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0
             if up:
-                point_on(c, ta, p)
+                cubic_point(c, ta, p)
                 if not above:
                     if have_exit:
                         out[0] += chord_term(e[0], e[1], e[2], p[0], p[1], p[2], n)
@@ -191,12 +162,12 @@ def sure_factor(s, m, n, rounding, out):
                         f[:] = p
                     above = True
                 if straight:
-                    point_on(c, tb, q)
+                    cubic_point(c, tb, q)
                     out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
                 else:
                     _sure_curve(c, ta, tb, n, out)
             elif above:
-                point_on(c, ta, e)
+                cubic_point(c, ta, e)
                 have_exit = True
                 above = False
             began = True

@@ -77,6 +77,25 @@ def tangents(
     )
 
 
+def surface_points(
+    nets: FloatArray, u: FloatArray, v: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points and first derivatives (n, k, 3) of nets (n, 4, 4, 4) at their own u, v (n, k)."""
+    bu, bv = bernstein(u), bernstein(v)
+    du, dv = bernstein_derivative(u), bernstein_derivative(v)
+    h, hu, hv = (
+        np.einsum("nki,nkj,nijc->nkc", a, b, nets, optimize=True)
+        for a, b in ((bu, bv), (du, bv), (bu, dv))
+    )
+    w = h[..., 3:]
+    point = h[..., :3] / w
+    return (
+        point,
+        (hu[..., :3] - hu[..., 3:] * point) / w,
+        (hv[..., :3] - hv[..., 3:] * point) / w,
+    )
+
+
 def gauss_rule(order: int) -> tuple[FloatArray, FloatArray]:
     """Gauss–Legendre nodes and weights on [0, 1]."""
     x, w = np.polynomial.legendre.leggauss(order)
