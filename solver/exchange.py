@@ -204,27 +204,3 @@ def form_factor_matrix(
             progress(rows.stop, m)
     total = counters.sum(axis=0)
     return Rows(factors, variances, {name: int(total[c]) for name, c in COUNTERS.items()}, outside)
-
-
-def close_rows(rows: Rows, totals: FloatArray | float) -> tuple[Rows, int]:
-    """Correct the sampled part of each row so that it sums to ``totals`` (m,).
-
-    The least change in units of each factor's standard deviation, min Σ (δ_j / σ_j)² with
-    Σ δ_j = defect, is δ_j = defect σ_j² / Σ σ²: only factors that were sampled are touched. A
-    defect beyond four standard deviations is not sampling error and is left as it is.
-
-    Returns
-    -------
-    Rows, int
-        The corrected rows, and how many were corrected.
-    """
-    defect = totals - rows.factors.sum(axis=1)
-    variance = rows.variances.sum(axis=1, dtype=np.float64)
-    ours = (variance > 0.0) & (defect**2 <= 16.0 * variance)
-    scale = np.where(ours, defect / np.where(variance > 0.0, variance, 1.0), 0.0)
-    factors = np.maximum(rows.factors + scale[:, None] * rows.variances, 0.0)
-    # What is left of the variance after conditioning on the sum.
-    left = rows.variances * (
-        1.0 - np.where(ours[:, None], rows.variances / np.maximum(variance, 1e-300)[:, None], 0.0)
-    )
-    return Rows(factors, left.astype(np.float32), rows.counters, rows.outside), int(ours.sum())

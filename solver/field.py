@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from .budget import Budget
 from .containment import Containment
 from .dome import dome_cells, gather, sun_cells
-from .exchange import Rows, Scan, close_rows, form_factor_matrix, make_sources
+from .exchange import Rows, Scan, make_sources
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .mesh import make_elements
@@ -21,6 +20,7 @@ from .model.scene import SceneData
 from .model.sky import CIESky
 from .model.views import Sensors
 from .radiosity import solve_radiosity
+from .row_finder import FINE_SHARE, Ask, RowFinder
 from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
@@ -33,9 +33,6 @@ from .topology import is_single
 CONTACT = 1e-5
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
-#: Accuracy of unoccluded factors at sensors, and where nothing hides anything, against that of
-#: other pairs: no average over nodes and meridians hides it there.
-FINE_SHARE = 0.1
 #: Elements smaller than this share of the aimed size get a single node.
 SMALL = 0.2
 
@@ -132,6 +129,7 @@ class FieldSolver:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         #: All there is is one convex cavity.
         self.in_cavity = is_single(blockers, blockers.hollow)
+        self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
 
@@ -143,14 +141,14 @@ class FieldSolver:
             sources, lifts = self._sources(budget, surfaces)
         receivers = Receivers.of_elements(elements)
         with self.stages.run(name or "form factors") as tell:
-            rows = self._rows(budget, receivers, sources, tell, lifts)
-        row_sums = rows.factors.sum(axis=1)
-        lit = surfaces.areas > 0.0
-        sees_out = self._sees_out(rows, lit)
+            asked = Ask(budget, receivers, sources, lifts)
+            rows = self._factors.rows(asked, tell)
+            row_sums = rows.factors.sum(axis=1)
+            sees_out = self._sees_out(rows, surfaces.areas > 0.0)
+            rows = self._factors.closed(rows, 1.0, asked, outside=sees_out)
         light = Light({}, np.zeros(len(elements)), np.zeros(len(elements)))
         scanned = rows.outside if self.trace else None
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
-        rows = self._closed(rows, light, sees_out)
         self._add_lamps(light, rows, surfaces)
         with self.stages.run(name or "radiosity"):
             reflected, products = solve_radiosity(rows.factors, surfaces.reflectance, light.direct)
@@ -169,17 +167,19 @@ class FieldSolver:
             azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
         )
         with self.stages.run("sensors") as tell:
-            rows = self._rows(budget, receivers, fine, tell, share=FINE_SHARE)
+            asked = Ask(budget, receivers, fine, share=FINE_SHARE)
+            rows = self._factors.rows(asked, tell)
         light = Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
         self._add_dome(light, receivers, budget, field.sees_out, None)
-        rows = self._closed(rows, light, field.sees_out)
+        if not field.sees_out or {"sky", "ground"} <= set(light.direct):
+            rows = self._factors.closed(rows, 1.0 - light.outside, asked)
         self._add_lamps(light, rows, field.surfaces)
         return self._gathered(light, rows, field.surfaces, field.reflected)
 
     def gather_indirect(self, grid: Sensors, budget: Budget, field: Field) -> FloatArray:
         """Indirect illuminance (m,) alone, for comparing meshes. [lx]"""
         with self.stages.run("mesh check") as tell:
-            rows = self._rows(budget, Receivers.of_sensors(grid), field.sources, tell)
+            rows = self._factors.rows(Ask(budget, Receivers.of_sensors(grid), field.sources), tell)
         return luminous(rows.factors @ field.all_reflected)
 
     def _gathered(
@@ -232,32 +232,6 @@ class FieldSolver:
         scan = Scan(facets, budget.lines, exact_above)
         return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
 
-    def _rows(
-        self,
-        budget: Budget,
-        receivers: Receivers,
-        sources: Sources,
-        tell: Callable[[int, int], None],
-        lifts: FloatArray | None = None,
-        share: float = 1.0,
-    ) -> Rows:
-        rows = form_factor_matrix(
-            receivers.nodes,
-            receivers.normals,
-            receivers.weights,
-            receivers.patches,
-            sources,
-            self.blockers,
-            eps=budget.eps * (share if self.trace else FINE_SHARE),
-            trace=self.trace,
-            own=receivers.own,
-            lifts=lifts,
-            sky=self.scene.sky,
-            progress=tell,
-        )
-        self.stages.count(rows.counters)
-        return rows
-
     def _sees_out(self, rows: Rows, lit: np.ndarray) -> bool:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
         if self.in_cavity:
@@ -278,21 +252,6 @@ class FieldSolver:
             for group in self.lamp_groups
         }
         light.direct = {**lamps, **light.direct}
-
-    def _closed(self, rows: Rows, light: Light, sees_out: bool) -> Rows:
-        """Rows whose sampling error is corrected by what all directions together must give.
-
-        Needs the total: 1 when nothing sees out, else 1 less what is seen of sky and ground. Backs
-        of one-sided patches count nowhere, so that scenes with such patches are left alone.
-        """
-        scene = self.scene
-        whole = bool((scene.closed | scene.two_sided).all())
-        both = {"sky", "ground"} <= set(light.direct)
-        if not whole or (sees_out and not both) or "visibility" in self.stages.skipped:
-            return rows
-        closed, count = close_rows(rows, 1.0 - light.outside if sees_out else 1.0)
-        self.stages.count({"rows_closed": count})
-        return closed
 
     def _add_dome(
         self,

@@ -39,6 +39,16 @@ class Receivers:
         nowhere = np.full(len(grid), -1)
         return cls(grid.points[:, None], grid.normals[:, None], ones, nowhere, nowhere)
 
+    def take(self, rows: IntArray) -> Receivers:
+        """Some of them."""
+        return Receivers(
+            self.nodes[rows],
+            self.normals[rows],
+            self.weights[rows],
+            self.patches[rows],
+            self.own[rows],
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surfaces:

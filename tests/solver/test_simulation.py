@@ -279,11 +279,6 @@ def test_a_second_process_loads_the_cached_kernels():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="end faces of the lamps lose the curved wall next to their rim; sampled rows of the "
-    "room and of the window frame are off by up to 4 % at this accuracy",
-)
 def test_furnace_in_every_solid_of_the_demo(tmp_path):
     """Every solid of the demo model read as a cavity: E / (1 − ρ) on all its walls to 1e-3.
 
@@ -317,8 +312,10 @@ def test_furnace_in_every_solid_of_the_demo(tmp_path):
         )
         result = solve(made, accuracy=0.1)
         worst = float(np.abs(result.exitance[:, 0] / 200.0 - 1.0).max())
-        if worst > 1e-3:
-            failed.append(f"{part.path}: {worst:.1e}, rows {result.row_sums.min():.5f}")
+        rows = float(np.abs(result.row_sums - 1.0).max())
+        # Raw rows are good to a tenth of the accuracy: what is corrected is small.
+        if worst > 1e-3 or rows > 1e-2:
+            failed.append(f"{part.path}: {worst:.1e}, rows {rows:.1e}")
     assert len(done) >= 10
     assert not failed, failed
 

@@ -1,0 +1,127 @@
+"""Rows of form factors of one scene, found anew where their sums show that they are wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from .budget import Budget
+from .closure import close_rows, rows_beyond_noise
+from .exchange import Rows, form_factor_matrix
+from .kernels.pyramid import Blockers
+from .kernels.rows import Sources
+from .model.arrays import FloatArray, IntArray
+from .model.scene import SceneData
+from .stages import Stages
+from .surfaces import Receivers
+from .tables import meridians
+
+#: Accuracy of unoccluded factors at sensors, and where nothing hides anything, against that of
+#: other pairs: no average over nodes and meridians hides it there.
+FINE_SHARE = 0.1
+#: How often wrong rows are found anew, how much finer each time, and the inverse of the share of
+#: the rows that this is done for at most: all together cost no more than twice the first pass.
+LEVELS, FINER = 2, 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ask:
+    """What rows are asked for.
+
+    Attributes
+    ----------
+    budget : Budget
+        Tolerances.
+    receivers : Receivers
+        Of the rows.
+    sources : Sources
+        Of the columns.
+    lifts : (m,) array or None
+        How far facets may lie before the surface a receiver is on. [m]
+    share : float
+        Share of the relative error that the budget allows unoccluded factors.
+    """
+
+    budget: Budget
+    receivers: Receivers
+    sources: Sources
+    lifts: FloatArray | None = None
+    share: float = 1.0
+
+    def finer(self, found: IntArray, factor: int) -> Ask:
+        """The rows ``found`` with more meridians and more pairs traced."""
+        sources = self.sources._replace(
+            azimuths=meridians(factor * len(self.sources.azimuths)),
+            exact_above=self.sources.exact_above / factor,
+            cell_eps=self.sources.cell_eps / factor,
+        )
+        lifts = None if self.lifts is None else self.lifts[found]
+        return replace(self, receivers=self.receivers.take(found), sources=sources, lifts=lifts)
+
+
+class RowFinder:
+    """Finds rows, and closes them.
+
+    Parameters
+    ----------
+    scene : SceneData
+        The scene.
+    blockers : Blockers
+        Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    stages : Stages
+        Receives counters.
+    """
+
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        # Backs of one-sided patches count nowhere: rows then sum to less than 1.
+        self._sums_known = bool((scene.closed | scene.two_sided).all())
+
+    def rows(self, ask: Ask, tell: Callable[[int, int], None] | None = None) -> Rows:
+        """Rows as they come."""
+        receivers = ask.receivers
+        rows = form_factor_matrix(
+            receivers.nodes,
+            receivers.normals,
+            receivers.weights,
+            receivers.patches,
+            ask.sources,
+            self.blockers,
+            eps=ask.budget.eps * (ask.share if self.trace else FINE_SHARE),
+            trace=self.trace,
+            own=receivers.own,
+            lifts=ask.lifts,
+            sky=self.scene.sky,
+            progress=tell,
+        )
+        self.stages.count(rows.counters)
+        return rows
+
+    def closed(
+        self, rows: Rows, totals: FloatArray | float, ask: Ask, *, outside: bool = False
+    ) -> Rows:
+        """Correct ``rows`` by what all directions together must give: ``totals`` (m,).
+
+        Rows that miss it by more than they say are found anew first. With ``outside``, sky and
+        ground as the meridians saw them count among the elements.
+        """
+        if not self._sums_known or "visibility" in self.stages.skipped:
+            return rows
+        eps = ask.budget.eps * ask.share
+        for level in range(1, LEVELS + 1):
+            found = rows_beyond_noise(rows, totals, eps=eps, outside=outside)
+            found = found[: -(-len(rows.factors) // FINER**level)]
+            if not len(found):
+                break
+            new = self.rows(ask.finer(found, FINER**level))
+            rows.factors[found], rows.variances[found] = new.factors, new.variances
+            rows.outside[found] = new.outside
+            self.stages.count({"rows_redone": len(found)})
+        wrong = rows_beyond_noise(rows, totals, eps=eps, outside=outside)
+        corrected, count = close_rows(rows, totals, eps=eps, outside=outside)
+        self.stages.count({"rows_closed": count, "rows_beyond_noise": len(wrong)})
+        return corrected
