@@ -529,6 +529,22 @@ def _look(
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _bends_away(s, flags, x, n):
+    """Whether a receiver on patch ``s`` looks away from it: flat, or bulging on its side."""
+    if flags & PLANAR:
+        return True
+    if not flags & (CONVEX | CONCAVE):
+        return False
+    # All of a bulging patch lies behind the tangent plane, all of a hollow one before it.
+    ahead = 0.0
+    for i in range(0, 4, 3):
+        for j in range(0, 4, 3):
+            for k in range(3):
+                ahead += n[k] * (s[i, j, k] / s[i, j, 3] - x[k])
+    return ahead < 0.0
+
+
+@nb.njit(cache=True, error_model="numpy")
 def _source_side(g, slack):
     """`FRONT`, `BACK` or `MIXED`; where it is seen edge-on a source gives no light either way."""
     low, high = 1e300, -1e300
@@ -712,7 +728,7 @@ def bracket_rows(
         rounding = horizon_tolerance(x)
         pieces = make_pieces(count, PIECES)
         see_surfaces(surfaces, x, n, rounding, pieces)
-        if on[i] >= 0 and surfaces.flags[on[i]] & (PLANAR | CONVEX):
+        if on[i] >= 0 and _bends_away(surfaces.nets[on[i]], surfaces.flags[on[i]], x, n):
             pieces.state[on[i]] = NONE
         cells, links = np.empty((CELLS, 7)), np.empty((CELLS, 3), dtype=np.int64)
         arena = np.empty(LISTED, dtype=np.int64)

@@ -362,6 +362,22 @@ def test_boxes_within_boxes_exchange_nothing():
     assert strict(inner, PatchSet.box((2, 2, 2)), (0, 0, 1.2), (0, 0, -1)).high.max() <= 1e-4
 
 
+@pytest.mark.parametrize("inward", [False, True])
+def test_a_receiver_inside_a_curve_is_hidden_by_what_it_lies_on(inward):
+    """The wall of a tube hides what is behind it from its own inner side, whichever side is +."""
+    wall = PatchSet.cylinder((0, 0, -5), (0, 0, 5), 1.0, inward=inward)
+    corners = wall.control_points[:, ::3, ::3, :2] / wall.control_points[:, ::3, ::3, 3:]
+    quarter = wall.take(np.flatnonzero((corners > -1e-9).all(axis=(1, 2, 3))))
+    assert len(quarter) == 1  # from (1, 0) to (0, 1)
+    lamp = PatchSet.sphere((0.8, 0.8, 0.0), 0.1)
+    inside, inwards = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+    free = plain(lamp, inside, inwards).sum()
+    assert free > 1e-3
+    assert strict(lamp, quarter, inside, inwards).high.sum() <= 1e-4 * free
+    # From its outer side nothing is hidden.
+    holds(strict(lamp, quarter, inside, (1.0, 0.0, 0.0)), plain(lamp, inside, (1, 0, 0)).sum())
+
+
 # --- closed forms not in test_closed_forms.py
 
 
