@@ -7,7 +7,6 @@ digit. It costs nothing, and is independent of the deviations that the sampling 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .exchange import Rows
 from .model.arrays import FloatArray, IntArray
@@ -16,6 +15,8 @@ from .model.arrays import FloatArray, IntArray
 BEYOND = 4.0
 #: Passes of the correction; factors that would fall below 0 leave their share to the others.
 _PASSES = 4
+#: Rows at a time: the arrays in between are several.
+_BLOCK = 256
 
 
 def rows_beyond_noise(
@@ -34,75 +35,76 @@ def rows_beyond_noise(
     outside : bool
         Whether sky and ground, as the meridians saw them, count among the elements.
     """
-    values, variances = _columns(rows, outside)
-    sums = values.sum(axis=1)
-    excess = np.abs(totals - sums) - BEYOND * np.sqrt(variances.sum(axis=1)) - eps
+    sums = rows.factors.sum(axis=1)
+    variance = rows.variances.sum(axis=1, dtype=np.float64)
+    if outside:
+        sums += rows.outside[:, 1:3].sum(axis=1)
+        variance += _outside_variances(rows).sum(axis=1)
+    excess = np.abs(totals - sums) - BEYOND * np.sqrt(variance) - eps
     found = np.flatnonzero((excess > 0.0) & (sums > 0.0))
     return np.asarray(found[np.argsort(-excess[found], kind="stable")])
 
 
 def close_rows(
     rows: Rows, totals: FloatArray | float, *, eps: float = 0.0, outside: bool = False
-) -> tuple[Rows, int]:
-    """Correct each row so that it sums to ``totals`` (m,).
+) -> int:
+    """Correct each row, in place, so that it sums to ``totals`` (m,); returns how many it did.
 
     The least change in units of each factor's standard deviation, min Σ (δ_j / σ_j)² with
     Σ δ_j = defect, is δ_j = defect σ_j² / Σ σ². What was sampled has the deviation it states, all
     else the relative error ``eps``. Where the defect is more than four standard deviations, the
-    deviations were wrong and are raised until it is four.
-
-    Returns
-    -------
-    Rows, int
-        The corrected rows with what is left of their variances, and how many were corrected.
+    deviations were wrong and are raised until it is four. Variances become those that are left.
     """
+    totals = np.broadcast_to(totals, len(rows.factors))
+    count = 0
+    for start in range(0, len(totals), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        some = Rows(rows.factors[part], rows.variances[part], {}, rows.outside[part])
+        count += _close_block(some, totals[part], eps, outside)
+    return count
+
+
+def _close_block(rows: Rows, totals: FloatArray, eps: float, outside: bool) -> int:
     values, sampled = _columns(rows, outside)
     variances = sampled + (eps * values) ** 2
     total = variances.sum(axis=1)
     defect = totals - values.sum(axis=1)
     ours = (total > 0.0) & (defect != 0.0)
-    raised = np.maximum(defect**2 / (BEYOND**2 * np.where(ours, total, 1.0)), 1.0)
-    raised = np.where(ours, raised, 1.0)
-    # What is left of the variance after conditioning on the sum.
-    share = np.where(ours, 1.0 / np.where(ours, total, 1.0), 0.0)
-    left = sampled * raised[:, None] * (1.0 - variances * share[:, None])
+    safe = np.where(ours, total, 1.0)
+    raised = np.where(ours, np.maximum(defect**2 / (BEYOND**2 * safe), 1.0), 1.0)
+    left = sampled * raised[:, None]
+    left[ours] *= 1.0 - variances[ours] / total[ours, None]
     free = variances
     for _ in range(_PASSES):
         room = free.sum(axis=1)
-        open_ = ours & (room > 0.0) & (np.abs(defect) > 1e-15)
-        if not open_.any():
-            break
-        step = np.where(open_, defect / np.where(open_, room, 1.0), 0.0)
+        step = np.where(ours & (room > 0.0), defect / np.where(room > 0.0, room, 1.0), 0.0)
         values = np.maximum(values + step[:, None] * free, 0.0)
         free = np.where(values > 0.0, free, 0.0)
         defect = totals - values.sum(axis=1)
-    return _rows(rows, values, left, outside), int(ours.sum())
+        if not (ours & (np.abs(defect) > 1e-15)).any():
+            break
+    n = rows.factors.shape[1]
+    rows.factors[:], rows.variances[:] = values[:, :n], left[:, :n]
+    if outside:
+        seen = rows.outside
+        seen[:, 0] *= values[:, n] / np.where(seen[:, 1] > 0.0, seen[:, 1], 1.0)
+        seen[:, 1:3], seen[:, 4] = values[:, n:], left[:, n + 1]
+        seen[:, 3] = left[:, n] * (seen[:, 0] / np.where(seen[:, 1] > 0.0, seen[:, 1], 1.0)) ** 2
+    return int(ours.sum())
 
 
 def _columns(rows: Rows, outside: bool) -> tuple[FloatArray, FloatArray]:
     """Factors and variances, those of sky and ground behind those of the elements."""
     if not outside:
         return rows.factors, rows.variances.astype(np.float64)
-    bright, sky, ground, sky_spread, ground_spread = rows.outside.T
-    # The variance of the sky's factor, from that of its light.
-    sky_spread = (
-        sky_spread * np.where(bright > 0.0, sky / np.where(bright > 0.0, bright, 1.0), 0) ** 2
-    )
     return (
-        np.column_stack([rows.factors, sky, ground]),
-        np.column_stack([rows.variances, sky_spread, ground_spread]).astype(np.float64),
+        np.hstack([rows.factors, rows.outside[:, 1:3]]),
+        np.hstack([rows.variances.astype(np.float64), _outside_variances(rows)]),
     )
 
 
-def _rows(rows: Rows, values: FloatArray, left: FloatArray, outside: bool) -> Rows:
-    n = rows.factors.shape[1]
-    kept: NDArray[np.float32] = left[:, :n].astype(np.float32)
-    seen = rows.outside
-    if outside:
-        seen = seen.copy()
-        old = np.where(seen[:, 1] > 0.0, seen[:, 1], 1.0)
-        seen[:, 0] *= values[:, n] / old
-        after = np.where(values[:, n] > 0.0, values[:, n], 1.0)
-        seen[:, 3] = left[:, n] * (seen[:, 0] / after) ** 2
-        seen[:, 1:3], seen[:, 4] = values[:, n:], left[:, n + 1]
-    return Rows(values[:, :n], kept, rows.counters, seen)
+def _outside_variances(rows: Rows) -> FloatArray:
+    """Variances (m, 2) of the factors of sky and ground; the first from that of its light."""
+    bright, sky, _, sky_spread, ground_spread = rows.outside.T
+    scale = sky / np.where(bright > 0.0, bright, np.inf)
+    return np.stack([sky_spread * scale**2, ground_spread], axis=1)

@@ -145,7 +145,7 @@ class FieldSolver:
             rows = self._factors.rows(asked, tell)
             row_sums = rows.factors.sum(axis=1)
             sees_out = self._sees_out(rows, surfaces.areas > 0.0)
-            rows = self._factors.closed(rows, 1.0, asked, outside=sees_out)
+            self._factors.close(rows, 1.0, asked, outside=sees_out)
         light = Light({}, np.zeros(len(elements)), np.zeros(len(elements)))
         scanned = rows.outside if self.trace else None
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
@@ -172,7 +172,7 @@ class FieldSolver:
         light = Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
         self._add_dome(light, receivers, budget, field.sees_out, None)
         if not field.sees_out or {"sky", "ground"} <= set(light.direct):
-            rows = self._factors.closed(rows, 1.0 - light.outside, asked)
+            self._factors.close(rows, 1.0 - light.outside, asked)
         self._add_lamps(light, rows, field.surfaces)
         return self._gathered(light, rows, field.surfaces, field.reflected)
 

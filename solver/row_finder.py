@@ -101,16 +101,16 @@ class RowFinder:
         self.stages.count(rows.counters)
         return rows
 
-    def closed(
+    def close(
         self, rows: Rows, totals: FloatArray | float, ask: Ask, *, outside: bool = False
-    ) -> Rows:
-        """Correct ``rows`` by what all directions together must give: ``totals`` (m,).
+    ) -> None:
+        """Correct ``rows``, in place, by what all directions together must give: ``totals`` (m,).
 
         Rows that miss it by more than they say are found anew first. With ``outside``, sky and
         ground as the meridians saw them count among the elements.
         """
         if not self._sums_known or "visibility" in self.stages.skipped:
-            return rows
+            return
         eps = ask.budget.eps * ask.share
         for level in range(1, LEVELS + 1):
             found = rows_beyond_noise(rows, totals, eps=eps, outside=outside)
@@ -122,6 +122,5 @@ class RowFinder:
             rows.outside[found] = new.outside
             self.stages.count({"rows_redone": len(found)})
         wrong = rows_beyond_noise(rows, totals, eps=eps, outside=outside)
-        corrected, count = close_rows(rows, totals, eps=eps, outside=outside)
+        count = close_rows(rows, totals, eps=eps, outside=outside)
         self.stages.count({"rows_closed": count, "rows_beyond_noise": len(wrong)})
-        return corrected
