@@ -233,6 +233,22 @@ def connected(adjacent: IntArray) -> IntArray:
     return label
 
 
+def _surfaces(nets: FloatArray) -> Blockers:
+    """Surfaces that hide from both sides, each connected sheet for itself.
+
+    Only the + side of a source gives light: a convex closed sheet hides nothing of its own light
+    that is not turned away, wherever the receiver is.
+    """
+    from .topology import adjacency, convexity, make_blockers, watertight
+
+    adjacent = adjacency(nets, np.zeros(len(nets), np.int64))
+    sheet = connected(adjacent)
+    surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet)
+    tight = watertight(nets, adjacent)
+    bulging, hollow = convexity(nets, surfaces.flags, sheet, tight, len(surfaces.bulging))
+    return surfaces._replace(bulging=bulging, hollow=hollow)
+
+
 def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntArray:
     """Curved patch (m,) that each point lies on within 1e-9 of its size, −1 for none.
 
@@ -303,14 +319,13 @@ def _factors(
     buried: IntArray | None = None,
 ) -> FormFactors:
     """All three ways; ``on`` (m,) names the surface each point lies on, where it is known."""
-    from .topology import adjacency, make_blockers, shape_flags
+    from .topology import shape_flags
 
     m, count = len(x), len(source_nets)
     if m == 0 or count == 0:
         empty = np.zeros((m, count))
         return FormFactors(empty, empty, empty, visibility != "auto")
-    sheet = connected(adjacency(nets, np.zeros(len(nets), np.int64)))
-    surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet)
+    surfaces = _surfaces(nets)
     if on is None:
         on = patches_under(x, nets, shape_flags(nets))
     share = np.ones((m, 1))
@@ -335,6 +350,10 @@ def _factors(
             hide=hide,
             most_cells=MOST_CELLS if hide else _PLAIN_CELLS,
         )
+    if len(surfaces.bulging) == 1 and surfaces.bulging[0]:  # nothing can hide anything
+        error = 0.1 * accuracy * plain.factors + ABSOLUTE
+        low, high = np.maximum(plain.factors - error, 0.0), plain.factors + error
+        return FormFactors(plain.factors, low, high, False, plain.counters)
     return _estimated(x, n, share, on, sources, surfaces, plain, accuracy)
 
 

@@ -116,6 +116,15 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
     return out
 
 
+def watertight(nets: FloatArray, adjacent: IntArray) -> IntArray:
+    """Whether each patch (n,) has a neighbour over every side that is not one point."""
+    edges = _edge_keys(nets)
+    collapsed = np.ptp(edges, axis=2).max(axis=2) <= 1e-12 * np.ptp(edges, axis=(1, 2)).max(
+        axis=1, keepdims=True
+    )
+    return np.asarray(((adjacent >= 0) | collapsed).all(axis=1))
+
+
 def convexity(
     nets: FloatArray, flags: IntArray, solid: IntArray, closed: IntArray, count: int
 ) -> tuple[IntArray, IntArray]:
@@ -166,6 +175,7 @@ def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Block
     """
     nets = writable(patches.control_points)
     flags = shape_flags(nets)
+    solid = np.asarray(solid, dtype=np.int64)
     count = int(solid.max()) + 1 if len(solid) else 0
     bulging, hollow = convexity(nets, flags, solid, np.asarray(closed, bool), count)
     return Blockers(

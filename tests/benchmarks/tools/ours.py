@@ -6,41 +6,11 @@ import time
 
 import numpy as np
 from case import Body, Case, OurSetting
+from patchlight.solver import point_form_factors
 from patchlight.solver.model import BLACK, Luminaire, Material, PatchSet, SceneData, Sensors
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.scene import ScenePart
 from tools import Run
-
-
-def point_factors(
-    points: FloatArray,
-    normals: FloatArray,
-    sources: PatchSet,
-    blockers: PatchSet | None,
-    accuracy: float,
-    closed: np.ndarray,
-) -> FloatArray:
-    """Form factors (m, n) from points to patches; the only place that knows how they are asked.
-
-    ``closed`` (n + b,) tells which patches of sources and blockers bound closed solids.
-    """
-    from patchlight.solver.exchange import form_factor_matrix, make_sources
-    from patchlight.solver.mesh import make_elements
-    from patchlight.solver.topology import make_blockers
-
-    count = len(sources)
-    patches = sources if blockers is None else PatchSet.concatenated(sources, blockers)
-    elements = make_elements(sources, np.zeros(count, bool), np.ones((count, 2), np.int64))
-    return form_factor_matrix(
-        points[:, None],
-        np.ascontiguousarray(normals)[:, None],
-        np.ones((len(points), 1)),
-        np.full(len(points), -1),
-        make_sources(elements, patches.control_points, np.full(count, accuracy)),
-        make_blockers(patches, closed, np.arange(len(patches)) >= count),
-        eps=accuracy,
-        trace=True,
-    ).factors
 
 
 class Ours:
@@ -81,10 +51,8 @@ def _straight(case: Case, accuracy: float) -> FloatArray:
     blockers = PatchSet.concatenated(*(b.shape.patches() for b in dark)) if dark else None
     radiance = np.repeat([body.radiance for body in lit], [len(s) for s in sources])
     patches = PatchSet.concatenated(*sources)
-    solid = [b.solid >= 0 for b in (*lit, *dark) for _ in range(len(b.shape.patches()))]
-    closed = np.array(solid)
-    factors = point_factors(case.points, case.normals, patches, blockers, accuracy, closed)
-    return np.asarray(np.pi * factors @ radiance)
+    found = point_form_factors(case.points, case.normals, patches, blockers, accuracy=accuracy)
+    return np.asarray(np.pi * found.value @ radiance)
 
 
 def scene_data(case: Case) -> SceneData:
