@@ -174,7 +174,7 @@ def batch(
     """
     from .batches import run_batch
 
-    items = run_batch(
+    done = run_batch(
         files,
         output,
         jobs=jobs,
@@ -185,12 +185,15 @@ def batch(
         check=check,
         say=lambda text: print(text, file=sys.stderr, flush=True),
     )
-    failed = [item for item in items if not item.ok]
-    print(output / "summary.html")
+    items, failed = done.items, [item for item in done.items if not item.ok]
+    if not done.summary_problem:
+        print(output / "summary.html")
     print(f"{len(items) - len(failed)} of {len(items)} files done")
     for item in failed:
-        print(f"failed: {item.path}: {item.message}")
-    return BATCH_FAILED if failed else OK
+        print(f"{item.status}: {item.path}: {item.message}")
+    if done.summary_problem:
+        print(f"patchlight: {done.summary_problem}", file=sys.stderr)
+    return BATCH_FAILED if failed or done.summary_problem else OK
 
 
 @app.command
