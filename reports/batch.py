@@ -126,7 +126,7 @@ def _value(value: Any) -> str:
     if value is None:
         return formats.MISSING
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return formats.number(float(value))
+        return formats.with_error(float(value), digits=3)
     return str(value)
 
 

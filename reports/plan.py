@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from patchlight.solver.model import SensorResult
 
 from . import figures
-from .formats import number
+from .formats import NEGLIGIBLE, number
 from .lattice import Lattice, PlaneFrame, find_lattice, plane_frame, smooth_field
 from .legend import PANEL, draw_bar, draw_length, draw_north
 from .levels import Scale, level_text, pale, scale_for
@@ -272,7 +272,7 @@ def _draw_values(
 def _value_text(value: float) -> str:
     if value >= 9999.5:
         return number(value, 3)
-    if value >= 10.0 or value == 0.0:
+    if value >= 10.0 or value < NEGLIGIBLE:
         return f"{value:.0f}"
     return f"{value:.1f}" if value >= 1.0 else f"{value:.2g}"
 

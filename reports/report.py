@@ -167,7 +167,7 @@ def _grid(
         return entry
     if lost:
         entry["remark"] = f"{lost} of {len(grid.illuminance_lx)} points have no value."
-    if not float(np.max(valid.illuminance_lx)) > 0.0:
+    if float(np.max(valid.illuminance_lx)) < formats.NEGLIGIBLE:
         entry["remark"] += " Every point is dark: no light reaches this grid."
     entry["facts"] = _grid_facts(valid)
     mine = [r for r in requirements if r.sensors == name]

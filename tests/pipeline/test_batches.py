@@ -184,15 +184,17 @@ def test_ctrl_c_ends_the_workers_of_a_real_batch(tmp_path):
     """A process group's SIGINT reaches the batch only; it must take its workers along."""
     for name in NAMES:
         (tmp_path / f"{name}.step").write_text("ISO-10303-21;")
-    code = (
-        "import subprocess, sys; from patchlight.pipeline import workers; real = subprocess.Popen\n"
-        "def slow(command, **options):\n"
-        '    sleep = \'import os, time; open("pid", "w").write(str(os.getpid())); time.sleep(60)\'\n'
-        "    return real([sys.executable, '-c', sleep], **options)\n"
-        "workers.subprocess.Popen = slow\n"
-        "from patchlight.pipeline.cli import main\n"
-        "sys.exit(main(['batch', 'a.step', 'b.step', 'c.step', '-o', 'out', '--jobs', '1']))\n"
-    )
+    sleep = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(60)"
+    code = f"""
+import subprocess, sys
+from patchlight.pipeline import workers
+from patchlight.pipeline.cli import main
+real = subprocess.Popen
+def slow(command, **options):
+    return real([sys.executable, "-c", {sleep!r}], **options)
+workers.subprocess.Popen = slow
+sys.exit(main(["batch", "a.step", "b.step", "c.step", "-o", "out", "--jobs", "1"]))
+"""
     batch = REAL([sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     pid = tmp_path / "pid"
     try:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from patchlight.reports import evaluate_requirements, write_batch_summary
-from patchlight.reports.formats import number, with_error
+from patchlight.reports.formats import console, number, with_error
 from patchlight.reports.levels import scale_for
 from patchlight.reports.metrics import verdict
 from patchlight.reports.section import cut, joined, patch_triangles
@@ -60,16 +60,30 @@ def test_requirements_that_cannot_be_evaluated_say_why(build: Callable[..., Resu
 @pytest.mark.parametrize(
     ("value", "error", "text"),
     [
-        (512.34, 5.0, "512 ± 5"),
-        (512.34, 0.312, "512.3 ± 0.4"),
+        (451.2, 30.0, "451 ± 30"),
+        (451.2, 30.01, "451 ± 31"),
+        (512.34, 5.0, "512.3 ± 5.0"),
+        (512.34, 0.312, "512.34 ± 0.32"),
+        (512.34, 9.96, "512 ± 10"),
         (0.6131, 0.0121, "0.613 ± 0.013"),
-        (51234.0, 320.0, "51\u202f200 ± 400"),
+        (0.3, 0.1 + 0.2, "0.30 ± 0.30"),
+        (51234.0, 320.0, "51\u202f230 ± 320"),
+        (51236.0, 1320.0, "51\u202f200 ± 1400"),
+        (3.0, 120.0, "0 ± 120"),
         (5.25, 0.0, "5.250"),
+        (5.25, None, "5.250"),
+        (3e-15, 2e-17, "0"),
+        (-3e-15, 0.2, "0.00 ± 0.20"),
         (float("nan"), 1.0, "–"),
     ],
 )
 def test_error_sets_the_digits(value: float, error: float, text: str) -> None:
     assert with_error(value, error) == text
+
+
+def test_terminals_get_plain_numbers() -> None:
+    shown = [console(with_error(v, e)) for v, e in ((1e4, None), (123456.0, 78.0), (1e6, 1e4))]
+    assert shown == ["10000", "123456 ± 78", "1000000 ± 10000"]
 
 
 def test_numbers_have_sensible_digits() -> None:
