@@ -12,9 +12,6 @@ from patchlight.solver.model import Result, SensorResult
 from . import formats as f
 from .metrics import FAIL, PASS, UNDECIDED, RequirementResult, grid_metrics
 
-#: The ledger must close better than this; otherwise the report says so.
-RESIDUAL_BOUND = 1e-3
-
 
 @dataclass(frozen=True, slots=True)
 class Verdict:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from .budget import Budget
-from .containment import check_placement
 from .errors import GeometryError, InputError
 from .field import FINE_SHARE, Field, FieldSolver, Gathered
 from .kernels.pyramid import Blockers
-from .ledger import make_balance
+from .ledger import ledger_warning, make_balance
 from .mesh_check import element_shift
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
+from .placement import check_placement
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
 from .topology import is_single, make_blockers
@@ -121,6 +121,8 @@ class _Simulation:
         light = field.light
         images = self._images(field)
         self._warn_dark(sensors, light.luminous())
+        balance = self._balance(field)
+        stages.warnings.extend(ledger_warning(balance))
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
@@ -129,7 +131,7 @@ class _Simulation:
             element_error_lx=_error(light, surface_shift, budget.eps),
             sensors=sensors,
             images=images,
-            balance=self._balance(field),
+            balance=balance,
             row_sums=field.row_sums,
             stages=stages.seconds,
             skipped=stages.skipped,

@@ -211,7 +211,7 @@ def test_demo_scene_file_fits_its_model(demo_scene):
     assert data.groups == ("lamps", "sky", "ground")
     assert sum(lamp.flux_lm for lamp in data.luminaires) == pytest.approx(6400)
     assert 40 <= len(data.sensors[0]) <= 120
-    from patchlight.solver.containment import check_placement
+    from patchlight.solver.placement import check_placement
 
     assert check_placement(data) == ()
 
