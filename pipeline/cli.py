@@ -307,6 +307,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         print(f"patchlight: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+    except MemoryError as error:  # what was not foreseen: big files, many jobs
+        print(f"patchlight: out of memory: {error or 'ended'}", file=sys.stderr)
+        return BAD_INPUT
     except KeyboardInterrupt:
         print("patchlight: interrupted", file=sys.stderr)
         return INTERRUPTED

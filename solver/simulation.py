@@ -9,6 +9,7 @@ from .errors import GeometryError, InputError
 from .field import FINE_SHARE, Field, FieldSolver, Gathered
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
+from .memory import check_memory, fits
 from .mesh_check import element_shift
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
@@ -66,6 +67,8 @@ def solve(
         If there is no surface, or a patch without area.
     NumericsError
         If a closed scene absorbs nothing, so that no balance exists.
+    OutOfMemoryError
+        If the form factors of the elements would not fit into the memory that is free.
     """
     if not (np.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
         raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
@@ -93,6 +96,11 @@ class _Simulation:
     def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.budget = Budget.of(scene, accuracy)
+        self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
+        sides = len(scene.patches) + int(np.sum(scene.two_sided))
+        check_memory(
+            self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
+        )
 
     def run(self) -> Result:
         scene, stages = self.scene, self.stages
@@ -113,6 +121,12 @@ class _Simulation:
                 or not self._converged(self._sensors(grids, {}))
             ):
                 break  # it is good enough, too large, or not for the mesh that it is not
+            if not fits(finer.elements, self.largest_grid, kept_elements=self.budget.elements):
+                stages.warnings.append(
+                    f"the mesh was not made finer than {self.budget.elements} elements: the memory "
+                    f"that is free does not hold {finer.elements}"
+                )
+                break
             self.budget = finer
             field, grids, shifts, surface_shift = self._solved(solver, field)
             sensors = self._sensors(grids, shifts)
