@@ -17,7 +17,7 @@ from patchlight.solver.numba_cache import use_cache_folder
 from .batch_items import BatchItem, identity, recall, remember
 from .output import file_hash, prepare_output
 from .runs import STEP_SUFFIXES
-from .workers import Workers
+from .workers import Workers, termination_interrupts
 
 
 @dataclass(slots=True)
@@ -130,7 +130,20 @@ def run_batch(
                 item.fail(_one_line(error))
         return item
 
-    done = BatchDone(items)
+    with termination_interrupts():
+        return BatchDone(items, _run_all(items, work, workers, alive, out, say))
+
+
+def _run_all(
+    items: list[BatchItem],
+    work: Callable[[BatchItem], BatchItem],
+    workers: int,
+    alive: Workers,
+    out: Path,
+    say: Callable[[str], None],
+) -> str:
+    """Do all items and keep the summary up to date; why its last state is not there, if so."""
+    problem = ""
     pool = ThreadPoolExecutor(workers)
     try:
         futures = [pool.submit(work, item) for item in items[:1]]
@@ -143,7 +156,7 @@ def run_batch(
             item = future.result()
             text = f": {item.message}" if item.message else ""
             say(f"{item.path}: {item.status} ({item.seconds:.0f} s){text}")
-            done.summary_problem = _write_summary(items, out)
+            problem = _write_summary(items, out)
     except BaseException:
         alive.stop()
         try:
@@ -156,7 +169,7 @@ def run_batch(
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-    return done
+    return problem
 
 
 def _one_line(error: Exception) -> str:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 
 from .batch_items import BatchItem
 
@@ -67,6 +68,26 @@ class Workers:
             self._stopped = True
             for process in self._running:
                 _end(process)
+
+
+@contextlib.contextmanager
+def termination_interrupts() -> Iterator[None]:
+    """Take the end that a scheduler or a shutdown asks for (SIGTERM) as an interrupt.
+
+    Else the process would be gone at once and its workers would run on without it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # handlers can be set in the main thread only
+        return
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _end(process: subprocess.Popen[str]) -> None:

@@ -180,8 +180,9 @@ def test_an_interrupt_leaves_a_summary_of_all_files(files, pretend, tmp_path, ca
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_ctrl_c_ends_the_workers_of_a_real_batch(tmp_path):
-    """A process group's SIGINT reaches the batch only; it must take its workers along."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_workers_too(tmp_path, number):
+    """Signals of a terminal or a scheduler reach the batch only; it must take its workers along."""
     for name in NAMES:
         (tmp_path / f"{name}.step").write_text("ISO-10303-21;")
     sleep = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(60)"
@@ -201,7 +202,7 @@ sys.exit(main(["batch", "a.step", "b.step", "c.step", "-o", "out", "--jobs", "1"
         while not (pid.exists() and pid.read_text()):
             assert batch.poll() is None
             time.sleep(0.01)
-        batch.send_signal(signal.SIGINT)
+        batch.send_signal(number)
         _, err = batch.communicate(timeout=30)
     finally:
         batch.kill()
