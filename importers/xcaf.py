@@ -41,6 +41,9 @@ UNITS = {
     "in": 0.0254, "inch": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048,
 }  # fmt: skip
 
+#: Names that the CAD kernel gives to products without one when it writes a file.
+AUTOMATIC = re.compile(r"Open CASCADE STEP translator \d[\d.]*( \d[\d.]*)?")
+
 
 def unit_metres(name: str) -> float:
     """Metres of a unit; `InputError` for an unknown one."""
@@ -167,8 +170,10 @@ class _Tree:
         if not label.FindAttribute(TDataStd_Name.GetID_s(), attribute):
             return None
         text = attribute.Get().ToExtString().strip()
-        # The kernel names unnamed sub-shapes after their type.
-        return None if text in ("", "SOLID", "SHELL", "COMPOUND", "FACE", "COMPSOLID") else text
+        # The kernel names unnamed sub-shapes after their type, and unnamed products after itself.
+        if text in ("", "SOLID", "SHELL", "COMPOUND", "FACE", "COMPSOLID"):
+            return None
+        return None if AUTOMATIC.fullmatch(text) else text
 
     def _instance_name(self, label: Any) -> str:
         target = TDF_Label()
@@ -179,7 +184,7 @@ class _Tree:
         automatic = own is None or re.fullmatch(r"(NAUO\d*|=>.*|\d+)", own)
         if product and (automatic or own is None or own.startswith(product)):
             return product
-        return (None if automatic else own) or product or "part"
+        return (None if automatic else own) or product or self.stem
 
     @staticmethod
     def _own_color(label: Any) -> bool:

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
         Sun,
     )
 
-    from .batches import BatchItem, batch
+    from .batch_items import BatchItem
+    from .batches import batch
     from .grids import SensorGrid
     from .scene import Scene
     from .scene_file import load_scene
@@ -41,7 +42,7 @@ _HOME = {
     "simulate": ".simulation",
     "load_scene": ".scene_file",
     "batch": ".batches",
-    "BatchItem": ".batches",
+    "BatchItem": ".batch_items",
     "read_step": "patchlight.importers",
     "from_cadquery": "patchlight.importers",
     "write_report": "patchlight.reports",

@@ -2,6 +2,7 @@
 
 Results go to stdout, talk to stderr. Exit codes: 0 done; 1 a requirement failed (with --check);
 2 usage, input or output error; 3 accuracy not reached; 4 batch with failures; 130 interrupted.
+A failed requirement counts before an accuracy that was not reached.
 """
 
 from __future__ import annotations
@@ -174,7 +175,7 @@ def batch(
     """
     from .batches import run_batch
 
-    items = run_batch(
+    done = run_batch(
         files,
         output,
         jobs=jobs,
@@ -185,12 +186,15 @@ def batch(
         check=check,
         say=lambda text: print(text, file=sys.stderr, flush=True),
     )
-    failed = [item for item in items if not item.ok]
-    print(output / "summary.html")
+    items, failed = done.items, [item for item in done.items if not item.ok]
+    if not done.summary_problem:
+        print(output / "summary.html")
     print(f"{len(items) - len(failed)} of {len(items)} files done")
     for item in failed:
-        print(f"failed: {item.path}: {item.message}")
-    return BATCH_FAILED if failed else OK
+        print(f"{item.status}: {item.path}: {item.message}")
+    if done.summary_problem:
+        print(f"patchlight: {done.summary_problem}", file=sys.stderr)
+    return BATCH_FAILED if failed or done.summary_problem else OK
 
 
 @app.command
@@ -274,19 +278,19 @@ def _check_pdf(wanted: bool) -> None:
 
 def _report(done, *, as_json: bool = False, check: bool = False) -> int:  # type: ignore[no-untyped-def]
     """Print the results of a run; return the exit code."""
-    from .printing import accuracy_reached, result_json, result_text
+    from .printing import accuracy_message, result_json, result_text
 
     print(result_json(done) if as_json else result_text(done))
     if not done.result.converged:
-        asked, reached = done.result.settings["accuracy"], accuracy_reached(done.result)
-        print(f"accuracy {asked:g} was not reached, but {reached:.2g}", file=sys.stderr)
-        return NOT_CONVERGED
+        print(accuracy_message(done.result), file=sys.stderr)
     if check:
         from patchlight.reports import evaluate_requirements
 
+        # A requirement fails only when it does so over the whole range of the error, so that a
+        # better accuracy would not save it: that says more than the accuracy that was missed.
         if any(r.verdict == "fail" for r in evaluate_requirements(done.result)):
             return REQUIREMENT_FAILED
-    return OK
+    return OK if done.result.converged else NOT_CONVERGED
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -302,6 +306,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except CycloptsError as error:
         print(f"patchlight: {' '.join(str(error).split())}", file=sys.stderr)
+        return BAD_INPUT
+    except MemoryError as error:  # what was not foreseen: big files, many jobs
+        print(f"patchlight: out of memory: {error or 'ended'}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("patchlight: interrupted", file=sys.stderr)

@@ -12,7 +12,9 @@ from patchlight.solver.model import (
     BLACK,
     Camera,
     CIESky,
+    Emitter,
     Ground,
+    Luminaire,
     PatchSet,
     SceneData,
     SceneFace,
@@ -25,6 +27,7 @@ from patchlight.solver.model.sky import direction
 
 from .assigning import full_path
 from .frames import transformed_normals, transformed_points
+from .problems import Problems
 from .slots import Slots, filled_slots
 
 if TYPE_CHECKING:
@@ -36,6 +39,29 @@ SUN_TOLERANCE_DEG = 0.5
 
 def frozen_scene(scene: Scene) -> SceneData:
     """World coordinates, materials, luminaires and resolved sensors of ``scene``."""
+    problems = Problems()
+    with problems.under():
+        check_sun(scene.sky, scene.sun)
+    asked = (r.problem(scene.grids, scene.sky, scene.sun) for r in scene.requirements)
+    problems.add(text for text in asked if text)
+    data = None
+    with problems.under():
+        slots, data = _without_sensors(scene)
+    if data is None:
+        problems.raise_any()
+        raise InputError("the scene cannot be used")  # there always is a problem; for type checkers
+    data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data, problems))
+    from .grids import resolved_sensors
+    from .remarks import scene_notes
+
+    sensors, grid_notes = resolved_sensors(scene, data, problems)
+    problems.raise_any()
+    data = dataclasses.replace(data, sensors=sensors)
+    return dataclasses.replace(data, notes=(*scene.notes, *grid_notes, *scene_notes(scene, data)))
+
+
+def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
+    """Geometry, materials and light from outside."""
     if not scene.entries:
         raise InputError("the scene is empty: add a model or patches")
     slots = filled_slots(scene)
@@ -47,7 +73,7 @@ def frozen_scene(scene: Scene) -> SceneData:
     material_index[~two_sided, 1] = BLACK
     luminaire_index = slots.luminaire[patches.face_index]
     luminaire_index[~two_sided, 1] = -1
-    data = SceneData(
+    return slots, SceneData(
         patches=patches,
         two_sided=two_sided,
         closed=(kinds == "solid") | (kinds == "air"),
@@ -67,14 +93,6 @@ def frozen_scene(scene: Scene) -> SceneData:
         default_faces=slots.default_faces,
         title=scene.title or next(iter(scene.entries)),
     )
-    _check_sun(scene.sky, scene.sun)
-    data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data))
-    from .grids import resolved_sensors
-    from .remarks import scene_notes
-
-    sensors, grid_notes = resolved_sensors(scene, data)
-    data = dataclasses.replace(data, sensors=sensors)
-    return dataclasses.replace(data, notes=(*scene.notes, *grid_notes, *scene_notes(scene, data)))
 
 
 def _part_table(scene: Scene) -> tuple[tuple[ScenePart, ...], tuple[SceneFace, ...]]:
@@ -125,13 +143,12 @@ def _offset_edges(edges: np.ndarray, before: list[PatchSet]) -> np.ndarray:
     return np.where(edges >= 0, edges + start, -1)
 
 
-def _luminaires(scene: Scene, slots: Slots, data: SceneData) -> tuple:
+def _luminaires(
+    scene: Scene, slots: Slots, data: SceneData, problems: Problems
+) -> tuple[Luminaire, ...]:
     """Luminaires with the area and flux of each emitting part."""
     if not slots.lamps:
         return ()
-    from patchlight.solver.model import Luminaire
-    from patchlight.solver.spectra import cct_to_rgb
-
     rows = np.flatnonzero((data.luminaire_index >= 0).any(axis=1))
     area = np.zeros(len(slots.lamps))
     patch_areas = data.patches.take(rows).areas()
@@ -140,27 +157,33 @@ def _luminaires(scene: Scene, slots: Slots, data: SceneData) -> tuple:
         np.add.at(area, lamp[lamp >= 0], patch_areas[lamp >= 0])
     luminaires = []
     for k, (part_row, emitter) in enumerate(slots.lamps):
-        path = data.parts[part_row].path
-        group = emitter.group or path.rsplit("/", 1)[-1]
-        if group in ("sky", "sun", "ground"):
-            raise InputError(f"light group {group!r} of {path}: the name is taken; set group")
-        if not area[k] > 0.0:
-            raise GeometryError(f"{path}: the emitting faces have no area")
-        flux = emitter.flux_lm
-        if flux is None:
-            flux = math.pi * float(emitter.luminance_cd_m2 or 0.0) * float(area[k])
-        luminaires.append(
-            Luminaire(
-                part=path,
-                group=group,
-                flux_lm=flux * emitter.dim * scene.maintenance_factor,
-                area_m2=float(area[k]),
-                color=np.asarray(cct_to_rgb(emitter.cct_k)),
-                cct_k=emitter.cct_k,
-                power_w=emitter.power_w,
+        with problems.under():
+            luminaires.append(
+                _luminaire(data.parts[part_row].path, emitter, area[k], scene.maintenance_factor)
             )
-        )
     return tuple(luminaires)
+
+
+def _luminaire(path: str, emitter: Emitter, area_m2: float, maintenance: float) -> Luminaire:
+    from patchlight.solver.spectra import cct_to_rgb
+
+    group = emitter.group or path.rsplit("/", 1)[-1]
+    if group in ("sky", "sun", "ground"):
+        raise InputError(f"light group {group!r} of {path}: the name is taken; set group")
+    if not area_m2 > 0.0:
+        raise GeometryError(f"{path}: the emitting faces have no area")
+    flux = emitter.flux_lm
+    if flux is None:
+        flux = math.pi * float(emitter.luminance_cd_m2 or 0.0) * float(area_m2)
+    return Luminaire(
+        part=path,
+        group=group,
+        flux_lm=flux * emitter.dim * maintenance,
+        area_m2=float(area_m2),
+        color=np.asarray(cct_to_rgb(emitter.cct_k)),
+        cct_k=emitter.cct_k,
+        power_w=emitter.power_w,
+    )
 
 
 def _ground(scene: Scene) -> Ground | None:
@@ -169,7 +192,8 @@ def _ground(scene: Scene) -> Ground | None:
     return Ground(0.2) if scene.sky is not None or scene.sun is not None else None
 
 
-def _check_sun(sky: CIESky | None, sun: Sun | None) -> None:
+def check_sun(sky: CIESky | None, sun: Sun | None) -> None:
+    """Raise `InputError` where the sky brightens towards another sun."""
     if sky is None or sun is None or sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None:
         return
     a = np.array(direction(sky.sun_altitude_deg, sky.sun_azimuth_deg))

@@ -15,6 +15,7 @@ from patchlight.solver.model.arrays import check_finite, unit_vector
 from .frames import transformed_normals, transformed_points
 
 if TYPE_CHECKING:
+    from .problems import Problems
     from .scene import Scene
 
 Bounds = tuple[float, float, float, float]
@@ -164,10 +165,23 @@ def _check_spacing(what: str, spacing: float | str) -> None:
         raise InputError(f"{what}: spacing = {spacing!r}: must be a positive number")
 
 
-def resolved_sensors(scene: Scene, data: SceneData) -> tuple[tuple[Sensors, ...], tuple[str, ...]]:
+def check_pattern(scene: Scene, grid: SensorGrid) -> None:
+    """Raise `InputError` where a grid is put over or on faces that ``scene`` does not have."""
+    from .assigning import find_faces
+
+    what, rule = f"sensors {grid.name!r}", grid.rule
+    if isinstance(rule, PlaneRule) and rule.over is not None:
+        find_faces(scene.entries, rule.over, label=f"{what}: over = {rule.over!r}")
+    elif isinstance(rule, FaceRule):
+        find_faces(scene.entries, rule.pattern, label=what, faces=rule.faces)
+
+
+def resolved_sensors(
+    scene: Scene, data: SceneData, problems: Problems
+) -> tuple[tuple[Sensors, ...], tuple[str, ...]]:
     """Sensors of all grids of ``scene`` in world axes, and what to say about them.
 
-    ``data`` is the frozen scene without sensors.
+    ``data`` is the frozen scene without sensors; grids that fail go to ``problems``.
     """
     from .face_grids import sensors_on_faces
     from .floors import PlanView
@@ -178,16 +192,17 @@ def resolved_sensors(scene: Scene, data: SceneData) -> tuple[tuple[Sensors, ...]
     view: PlanView | None = None
     for name, grid in scene.grids.items():
         rule = grid.rule if isinstance(grid, SensorGrid) else grid
-        if isinstance(rule, Sensors):
-            sensors = rule
-        else:
-            view = view or PlanView.of(data, scene.north.T)
-            if isinstance(rule, PlaneRule):
-                sensors, more = sensors_on_plane(name, rule, scene, view)
+        with problems.under():
+            if isinstance(rule, Sensors):
+                sensors = rule
             else:
-                sensors, more = sensors_on_faces(name, rule, scene, view)
-            notes += more
-        found.append(_in_world(scene, name, sensors))
+                view = view or PlanView.of(data, scene.north.T)
+                if isinstance(rule, PlaneRule):
+                    sensors, more = sensors_on_plane(name, rule, scene, view)
+                else:
+                    sensors, more = sensors_on_faces(name, rule, scene, view)
+                notes += more
+            found.append(_in_world(scene, name, sensors))
     return tuple(found), tuple(notes)
 
 

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from patchlight.solver.model import Result
+    from patchlight.solver.model import Result, SensorResult
+    from patchlight.solver.model.arrays import FloatArray
 
     from .runs import Run
-
-#: Digits a value is printed with.
-DIGITS = 4
 
 
 def result_text(done: Run) -> str:
     """One line a metric with its error, one a requirement, and where the report is."""
     from patchlight.reports import evaluate_requirements
+    from patchlight.reports.formats import console, with_error
     from patchlight.reports.metrics import QUANTITIES, grid_metrics
 
     lines = []
@@ -28,26 +28,60 @@ def result_text(done: Run) -> str:
         for metric, value in values.items():
             unit = QUANTITIES[metric][1]
             unit = "" if unit == "1" else f" {unit}"
-            error = f" ± {errors[metric]:.2g}" if metric in errors else ""
-            lines.append(f"  {metric:<18} {value:.{DIGITS}g}{error}{unit}")
+            lines.append(f"  {metric:<18} {console(with_error(value, errors.get(metric)))}{unit}")
     lines += [requirement.line for requirement in evaluate_requirements(done.result)]
     report = done.folder / "report.html"
     lines.append(str(report if report.is_file() else done.folder))
     return "\n".join(lines)
 
 
-def accuracy_reached(result: Result) -> float:
+def accuracies_reached(result: Result) -> dict[str, float]:
     """Relative error kept by 95 % of the sensors of each grid, as `accuracy` is meant.
 
-    Values below 1 % of their grid's mean are taken as 1 % of it.
+    Values below 1 % of their grid's mean are taken as 1 % of it; dark grids are left out.
     """
-    reached = 0.0
-    for grid in result.sensors.values():
-        mean = grid.mean(grid.illuminance_lx)
-        if mean > 0.0:
-            relative = grid.error_lx / np.maximum(grid.illuminance_lx, 0.01 * mean)
-            reached = max(reached, float(np.quantile(relative, 0.95, method="lower")))
+    reached = {}
+    for name, grid in result.sensors.items():
+        relative = _relative_errors(grid)
+        if len(relative):
+            reached[name] = float(np.quantile(relative, 0.95, method="lower"))
     return reached
+
+
+def accuracy_reached(result: Result) -> float:
+    """The largest of `accuracies_reached`."""
+    return max(accuracies_reached(result).values(), default=0.0)
+
+
+def accuracy_message(result: Result) -> str:
+    """Which grids missed the accuracy that was asked for, by how much, and where most."""
+    from patchlight.reports.formats import console, with_error
+
+    asked = float(result.settings["accuracy"])
+    missed = []
+    for name, reached in accuracies_reached(result).items():
+        if reached <= asked:
+            continue
+        grid = result.sensors[name]
+        worst = int(np.argmax(_relative_errors(grid)))
+        found = console(with_error(grid.illuminance_lx[worst], grid.error_lx[worst]))
+        x, y, z = (f"{float(c):.4g}" for c in grid.points[worst])
+        missed.append(f"{name} {_rounded_up(reached)}, worst {found} lx at ({x}, {y}, {z}) m")
+    return f"accuracy {asked:g} was not reached: " + "; ".join(missed)
+
+
+def _relative_errors(grid: SensorResult) -> FloatArray:
+    """Error of each sensor relative to its value; empty for a dark grid."""
+    mean = grid.mean(grid.illuminance_lx)
+    if not mean > 0.0:
+        return np.zeros(0)
+    return np.asarray(grid.error_lx / np.maximum(grid.illuminance_lx, 0.01 * mean))
+
+
+def _rounded_up(value: float) -> str:
+    """Two digits, never below ``value``: 0.0502 must not look like the 0.05 that was asked."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{math.ceil(value / step - 1e-9) * step:.2g}"
 
 
 def result_json(done: Run) -> str:
@@ -61,6 +95,7 @@ def result_json(done: Run) -> str:
             "output": str(done.folder),
             "converged": result.converged,
             "accuracy_reached": accuracy_reached(result),
+            "accuracy_reached_by_grid": accuracies_reached(result),
             "seconds": round(done.seconds, 3),
             "faces": len(result.scene.faces),
             "patches": len(result.scene.patches),

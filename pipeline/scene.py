@@ -31,6 +31,7 @@ from .assigning import Assignment, matched_faces
 from .frames import north_matrix, up_matrix
 from .grids import SensorGrid
 from .patch_models import model_of_patches
+from .requirements import Requirement
 
 COLORS = ("pictures", "reflectance")
 
@@ -95,25 +96,6 @@ class Entry:
                 np.where(air[:, None], turned.edge_index, patches.edge_index),
             )
         self.placed = dataclasses.replace(self.model, patches=patches)
-
-
-@dataclass(frozen=True, slots=True)
-class Requirement:
-    """A bound on a metric of a sensor grid, judged in the report."""
-
-    sensors: str
-    metric: str
-    min: float | None = None
-    max: float | None = None
-
-    def __post_init__(self) -> None:
-        name = f"requirement on {self.sensors!r} {self.metric}"
-        if self.min is None and self.max is None:
-            raise InputError(f"{name}: give min, max or both")
-        for key in ("min", "max"):
-            value = getattr(self, key)
-            if value is not None and not math.isfinite(value):
-                raise InputError(f"{name}: {key} = {value}: must be a finite number")
 
 
 class Scene:
@@ -352,11 +334,24 @@ class Scene:
     def require(
         self, sensors: str, metric: str, *, min: float | None = None, max: float | None = None
     ) -> None:
-        """Ask that ``metric`` of the grid ``sensors`` lies within bounds, in the metric's unit."""
+        """Ask that ``metric`` of the grid ``sensors`` lies within bounds, in the metric's unit.
+
+        Raises
+        ------
+        InputError
+            For a metric that is not computed, and bounds that nothing can meet. A grid that there
+            is not is an error of `freeze`: it may be added later.
+        """
         self.requirements.append(Requirement(sensors, metric, min, max))
 
     def freeze(self) -> SceneData:
-        """The scene as the solver sees it: world axes, SI units, sensors resolved."""
+        """The scene as the solver sees it: world axes, SI units, sensors resolved.
+
+        Raises
+        ------
+        InputError
+            Naming all that is wrong, where it does not hinder looking on.
+        """
         from .freezing import frozen_scene
 
         return frozen_scene(self)

@@ -11,7 +11,10 @@ import numpy as np
 from patchlight.solver.errors import InputError, MissingFileError, PatchlightError
 
 from .frames import up_matrix
+from .grids import check_pattern
 from .output import file_hash
+from .problems import Problems
+from .requirements import unknown_grid
 from .scene import Entry, Scene
 
 if TYPE_CHECKING:
@@ -59,24 +62,17 @@ def checked_scene_file(values: dict[str, Any], path: Path) -> SceneFile:
 
     from .scene_schema import SceneFile
 
-    problems: list[str] = []
+    problems = Problems(str(path))
     file = None
     try:
         file = SceneFile.model_validate(values)
     except ValidationError as error:
-        problems += _problems(error)
-    problems += _across_tables(values, path.parent)
-    if problems:
-        raise InputError(_message(path, problems))
+        problems.add(_problems(error))
+    problems.add(_across_tables(values, path.parent))
+    problems.raise_any()
     if file is None:  # a validation error always has a problem; for the type checker
         raise InputError(f"{path}: cannot be used")
     return file
-
-
-def _message(path: Path, problems: list[str]) -> str:
-    if len(problems) == 1:
-        return f"{path}: {problems[0]}"
-    return f"{path}: {len(problems)} problems\n" + "\n".join(f"  {p}" for p in problems)
 
 
 def _problems(error: ValidationError) -> list[str]:
@@ -152,31 +148,42 @@ def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
     for k, table in enumerate(_tables(values, "requirements")):
         name = table.get("sensors")
         if isinstance(name, str) and name not in grids:
-            have = ", ".join(grids) or "none"
-            problems.append(f"requirements[{k}].sensors: {name!r}: no such grid; grids: {have}")
-    problems += _sky_problem(values)
+            problems.append(f"requirements[{k}].sensors: {unknown_grid(name, grids)}")
+    problems += _light_problems(values, grids)
     return problems
 
 
-def _sky_problem(values: dict[str, Any]) -> list[str]:
-    """What is wrong with the sky, which may take the sun's position, and only there."""
+def _light_problems(values: dict[str, Any], grids: list[str]) -> list[str]:
+    """What is wrong with the sky, which may take the sun's position, and with asking for it."""
     from pydantic import ValidationError
 
-    from .scene_schema import SkyTable, SunTable
+    from .freezing import check_sun
+    from .scene_schema import RequirementTable, SkyTable, SunTable
 
-    sun = None
+    sun = sky = None
     if values.get("sun") is not None:
         try:
             sun = SunTable.model_validate(values["sun"])
         except ValidationError:  # reported with its key; any position serves to check the rest
             sun = SunTable(altitude_deg=45.0, azimuth_deg=180.0, normal_illuminance_lx=0.0)
     try:
-        SkyTable.model_validate(values.get("sky")).build_with(sun)
+        if values.get("sky") is not None:
+            sky = SkyTable.model_validate(values["sky"]).build_with(sun)
+            check_sun(sky, None if sun is None else sun.build())
     except ValidationError:
-        return []  # no sky, or reported with its key
+        return []  # reported with its key
     except PatchlightError as error:
         return [f"sky: {error}"]
-    return []
+    problems = []
+    for k, table in enumerate(_tables(values, "requirements")):
+        try:
+            asked = RequirementTable.model_validate(table).build()
+        except ValidationError:
+            continue  # reported with its key
+        lit = asked.problem([asked.sensors, *grids], sky, None if sun is None else sun.build())
+        if lit:
+            problems.append(f"requirements[{k}]: {lit}")
+    return problems
 
 
 def _tables(values: dict[str, Any], key: str) -> list[dict[str, Any]]:
@@ -196,16 +203,9 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
     )
     scene.title = file.title or path.stem
     scene.accuracy = file.accuracy
-    problems: list[str] = []
-
-    def attempt(key: str, action: Any, *args: Any, **options: Any) -> None:
-        try:
-            action(*args, **options)
-        except PatchlightError as error:
-            problems.append(f"{key}: {error}")
-
+    problems = Problems(str(path))
     for k, table in enumerate(file.model):
-        try:
+        with problems.under(f"model[{k}].file"):
             model = read_step(
                 path.parent / table.file,
                 scale=table.scale,
@@ -213,37 +213,36 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
                 tolerance=table.tolerance,
                 angle_deg=table.angle_deg,
             )
-        except PatchlightError as error:
-            problems.append(f"model[{k}].file: {error}")
-            continue
-        placement = up_matrix(table.up)
-        placement[:3, 3] = np.asarray(table.at_m)
-        named = table.name or model.name
-        entry = Entry(named, model, placement, given_name=table.name is not None, scale=table.scale)
-        attempt(f"model[{k}].name", scene.add_entry, entry)
-    if problems:  # patterns would only repeat that a model is missing
-        raise InputError(_message(path, problems))
+            placement = up_matrix(table.up)
+            placement[:3, 3] = np.asarray(table.at_m)
+            named, own = table.name or model.name, table.name is not None
+            entry = Entry(named, model, placement, given_name=own, scale=table.scale)
+            with problems.under(f"model[{k}].name"):
+                scene.add_entry(entry)
+    problems.raise_any()  # patterns would only repeat that a model is missing
     for k, assign in enumerate(file.assign):
         for what in assign.build():
-            attempt(
-                f"assign[{k}]",
-                scene.assign,
-                assign.parts,
-                what,
-                faces=assign.faces,
-                layer=assign.layer,
-                color=assign.color,
-            )
+            with problems.under(f"assign[{k}]"):
+                scene.assign(
+                    assign.parts,
+                    what,
+                    faces=assign.faces,
+                    layer=assign.layer,
+                    color=assign.color,
+                )
     scene.sky = None if file.sky is None else file.sky.build_with(file.sun)
     scene.sun = None if file.sun is None else file.sun.build()
     scene.ground = None if file.ground is None else file.ground.build()
     for k, grid in enumerate(file.sensors):
-        attempt(f"sensors[{k}]", scene.add, grid.build())
+        with problems.under(f"sensors[{k}]"):
+            built = grid.build()
+            scene.add(built)
+            check_pattern(scene, built)
     for k, camera in enumerate(file.cameras):
-        attempt(f"cameras[{k}]", scene.add, camera.build())
+        with problems.under(f"cameras[{k}]"):
+            scene.add(camera.build())
     scene.requirements = [r.build() for r in file.requirements]
-    if problems:
-        raise InputError(_message(path, list(dict.fromkeys(problems))))
+    problems.raise_any()
     return scene
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,7 @@ def write_batch_summary(items: Iterable[Mapping[str, Any]], folder: str | Path) 
     """
     out = make_folder(folder)
     rows = [_row(item) for item in items]
+    twice = {n for n, count in Counter(Path(r["file"]).name for r in rows).items() if count > 1}
     names = list(dict.fromkeys(name for row in rows for name in row["metrics"]))
     table = [
         [
@@ -58,11 +60,11 @@ def write_batch_summary(items: Iterable[Mapping[str, Any]], folder: str | Path) 
         environment()
         .get_template("batch.html")
         .render(
-            rows=[_shown(row, names) for row in rows],
+            rows=[_shown(row, names, twice) for row in rows],
             names=[_heading(name) for name in names],
             with_report=sum(row["kind"] != "fail" for row in rows),
-            bad=[_shown(row, names) for row in rows if row["kind"] == "fail"],
-            unsure=[_shown(row, names) for row in rows if row["kind"] == "open"],
+            bad=[row for row in rows if row["kind"] == "fail"],
+            unsure=[row for row in rows if row["kind"] == "open"],
             total=len(rows),
             seconds=sum(row["seconds"] or 0.0 for row in rows),
             version=tool_version(),
@@ -109,10 +111,12 @@ def _cell(value: Any) -> Any:
     return value
 
 
-def _shown(row: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Texts of a row for the page."""
-    report = row["report"]
+def _shown(row: dict[str, Any], names: Sequence[str], twice: Collection[str]) -> dict[str, Any]:
+    """Texts of a row for the page; names that occur ``twice`` are shown with their folder."""
+    report, path = row["report"], Path(row["file"])
+    shown = f"{path.parent.name}/{path.name}" if path.name in twice else path.name
     return row | {
+        "shown": shown or row["file"],
         "seconds": formats.seconds(row["seconds"]),
         "faces": formats.MISSING if row["faces"] is None else formats.count(row["faces"]),
         "patches": formats.MISSING if row["patches"] is None else formats.count(row["patches"]),
@@ -126,7 +130,7 @@ def _value(value: Any) -> str:
     if value is None:
         return formats.MISSING
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return formats.number(float(value))
+        return formats.with_error(float(value), digits=3)
     return str(value)
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 #: Shown instead of a number that does not exist.
 MISSING = "–"
+#: Illuminance [lx], uniformity or percentage that is nothing but rounding.
+NEGLIGIBLE = 1e-6
 #: Thin, unbreakable: digit groups must not fall apart at the end of a line.
 _GROUP = "\u202f"
 
@@ -48,25 +50,32 @@ def scientific(value: float | None, digits: int = 2) -> str:
     return f"{mantissa.replace('-', '−')}·10{power}"
 
 
-def with_error(value: float | None, error: float | None, *, digits: int = 4) -> str:
-    """``512 ± 5``: the error with one or two digits, the value down to the same place."""
+def with_error(value: float | None, error: float | None = None, *, digits: int = 4) -> str:
+    """``512.3 ± 5.0``: the error rounded up to two digits, the value to the same place.
+
+    For illuminances, uniformities and percentages: what is below `NEGLIGIBLE` is shown as 0.
+    """
     if value is None or not math.isfinite(value):
         return MISSING
-    if error is None or not math.isfinite(error):
+    if abs(value) < NEGLIGIBLE:
+        value = 0.0
+    if error is None or not math.isfinite(error) or error < NEGLIGIBLE:
         return number(value, digits)
-    scale = max(abs(value), abs(error))
-    if error <= 1e-6 * scale:
+    if error <= 1e-6 * abs(value):
         return number(value, digits)
-    magnitude = math.floor(math.log10(error))
-    leading = error / 10.0**magnitude
-    decimals = -magnitude + (1 if leading < 2.95 else 0)
-    if decimals <= 0:
-        step = 10.0**-decimals
-        value, error = round(value / step) * step, math.ceil(error / step - 1e-9) * step
-    else:
-        error = math.ceil(error * 10.0**decimals - 1e-9) / 10.0**decimals
+    mantissa, exponent = f"{error:.6e}".split("e")  # decimals: binary rounding adds no digit
+    tens, magnitude = math.ceil(float(mantissa) * 10.0 - 1e-6), int(exponent)
+    if tens == 100:  # 9.96 becomes 10, not 10.0
+        tens, magnitude = 10, magnitude + 1
+    decimals = 1 - magnitude
+    value, error = round(value, decimals), tens * 10.0**-decimals
     decimals = max(decimals, 0)
     return f"{grouped(value, decimals)} ± {grouped(error, decimals)}"
+
+
+def console(text: str) -> str:
+    """Numbers of `number` and `with_error` for terminals: without digit groups, ASCII minus."""
+    return text.replace(_GROUP, "").replace("−", "-")
 
 
 def percent(value: float | None, digits: int = 2) -> str:

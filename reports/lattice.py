@@ -11,6 +11,9 @@ from patchlight.solver.model import SensorResult
 
 Array = NDArray[np.float64]
 
+#: Ratio of neighbouring values above which there is an edge of shadow between them.
+EDGE = 2.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneFrame:
@@ -186,8 +189,8 @@ def upsampling(n: int, factor: int) -> tuple[Array, Array]:
 def smooth_field(lattice: Lattice, values: Array) -> tuple[Array, Array, Array]:
     """Field (m, l) of ``values`` (n,) on a finer grid with its coordinates u (l,), v (m,).
 
-    At least 2 x 2 cells; the field stays within the range of the values, so that no isoline stands
-    for a level that no point reaches.
+    At least 2 x 2 cells; the field stays within the range of the values, and at edges of shadow
+    within that of the two neighbours: no isoline stands for a level that no point reaches.
     """
     field = np.where(lattice.row >= 0, values[lattice.row], np.nan)
     field = fill_missing(field)
@@ -195,6 +198,24 @@ def smooth_field(lattice: Lattice, values: Array) -> tuple[Array, Array, Array]:
     factor = int(np.clip(240 // max(nu, nv), 1, 8))
     xu, mu = upsampling(nu, factor)
     xv, mv = upsampling(nv, factor)
-    fine = mv @ field @ mu.T
+    fine = _without_islands(mv @ field @ mu.T, field, xu, xv)
     fine = np.clip(fine, float(values.min()), float(values.max()))
     return lattice.u[0] + xu * lattice.step_u, lattice.v[0] + xv * lattice.step_v, fine
+
+
+def _without_islands(fine: Array, field: Array, xu: Array, xv: Array) -> Array:
+    """``fine`` kept within the range of the four cells of ``field`` around, at edges of shadow.
+
+    Cubics swing beyond the values on both sides of a jump: islands that are not there. The rim of
+    half a cell, where values are continued, is left alone.
+    """
+    nv, nu = field.shape
+    corners = np.stack([field[a : nv - 1 + a, b : nu - 1 + b] for a in (0, 1) for b in (0, 1)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    # A cubic feels the steps in the squares around its own too.
+    padded = np.pad(high > EDGE * low, 1)
+    sharp = np.any([padded[a : nv - 1 + a, b : nu - 1 + b] for a in range(3) for b in range(3)], 0)
+    iu, iv = (np.clip(np.floor(x), 0, n - 2).astype(int) for x, n in ((xu, nu), (xv, nv)))
+    inside = np.outer((xv >= 0.0) & (xv <= nv - 1.0), (xu >= 0.0) & (xu <= nu - 1.0))
+    at = np.ix_(iv, iu)
+    return np.where(inside & sharp[at], np.clip(fine, low[at], high[at]), fine)

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from patchlight.solver.model import Result, SensorResult
 
+from .formats import console, with_error
+
 PASS, FAIL, UNDECIDED = "pass", "fail", "not decidable"
 
 #: What each metric is, and its unit.
@@ -57,17 +59,17 @@ class RequirementResult:
         """``>= 500``, ``<= 3000`` or both."""
         parts = []
         if self.minimum is not None:
-            parts.append(f">= {self.minimum:g}")
+            parts.append(f">= {self.minimum:.10g}")
         if self.maximum is not None:
-            parts.append(f"<= {self.maximum:g}")
+            parts.append(f"<= {self.maximum:.10g}")
         return " and ".join(parts)
 
     @property
     def line(self) -> str:
         """One line for a terminal."""
-        found = "no value" if self.value is None else f"{self.value:.4g}"
-        if self.value is not None and self.uncertainty is not None:
-            found += f" ± {self.uncertainty:.2g}"
+        found = "no value"
+        if self.value is not None:
+            found = console(with_error(self.value, self.uncertainty))
         unit = "" if self.unit == "1" else f" {self.unit}"
         text = f"{self.verdict}: {self.sensors} {self.metric} = {found}{unit}, asked {self.bounds}"
         return f"{text} ({self.reason})" if self.reason else text

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from patchlight.solver.model import SensorResult
 
 from . import figures
-from .formats import number
+from .formats import NEGLIGIBLE, number
 from .lattice import Lattice, PlaneFrame, find_lattice, plane_frame, smooth_field
 from .legend import PANEL, draw_bar, draw_length, draw_north
 from .levels import Scale, level_text, pale, scale_for
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.path import Path
 
 _WIDTH = 7.0  # inches
+#: Closed isolux lines shorter than this many cells tell of one point only, and are left out.
+SHORTEST = 3.5
 _MARGINS = (0.5, 0.12, 0.40, 0.12)  # left, right, bottom, top
 
 
@@ -139,7 +141,9 @@ def _draw_field(
         filled.set_clip_path(clip, transform=axes.transData)
     if float(np.ptp(values)) <= 1e-9 * float(np.max(np.abs(values), initial=1e-300)):
         return []
-    lines = axes.contour(u, v, masked, levels=levels, colors=figures.INK, linewidths=0.7, zorder=2)
+    lines = _isolux_lines(axes, (u, v, masked), levels, SHORTEST * _cell_size(lattice))
+    if lines is None:
+        return []
     if clip is not None:
         lines.set_clip_path(clip, transform=axes.transData)
     labels = axes.clabel(lines, fmt={x: level_text(x) for x in levels}, fontsize=7, inline=False)
@@ -154,6 +158,35 @@ def _draw_field(
         label.set_zorder(6)
         places.append((float(x), float(y)))
     return places
+
+
+def _isolux_lines(
+    axes: Axes, field: tuple[Any, Any, Any], levels: NDArray[np.float64], shortest: float
+) -> Any:
+    """Isolux lines, closed ones only when they are at least ``shortest``; None when none is left.
+
+    The half shadow of a single point would otherwise put a ring about it for every level, and rows
+    of rings where an edge of shadow runs at a slant through the cells.
+    """
+    from matplotlib.contour import ContourSet
+
+    found = axes.contour(*field, levels=levels)
+    kept = [[line for line in lines if _counts(line, shortest)] for lines in found.allsegs]
+    found.remove()
+    if not any(kept):
+        return None
+    return ContourSet(axes, levels, kept, colors=figures.INK, linewidths=0.7, zorder=2)
+
+
+def _counts(line: NDArray[np.float64], shortest: float) -> bool:
+    """Whether an isolux line (k, 2) is open or long."""
+    if len(line) < 2 or not np.array_equal(line[0], line[-1]):
+        return len(line) >= 2
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) >= shortest
+
+
+def _cell_size(lattice: Lattice) -> float:
+    return math.sqrt(lattice.step_u * lattice.step_v)
 
 
 def _unmeasured(
@@ -272,7 +305,7 @@ def _draw_values(
 def _value_text(value: float) -> str:
     if value >= 9999.5:
         return number(value, 3)
-    if value >= 10.0 or value == 0.0:
+    if value >= 10.0 or value < NEGLIGIBLE:
         return f"{value:.0f}"
     return f"{value:.1f}" if value >= 1.0 else f"{value:.2g}"
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from patchlight.solver.ledger import RESIDUAL_BOUND
 from patchlight.solver.model import Result, SensorResult
 
 from . import figures, formats, inputs, summary
@@ -111,8 +112,8 @@ def render_report(
         "pictures": [_picture(p) for p in pictures],
         "balance": summary.balance_rows(result),
         "residual": balance.residual_fraction,
-        "residual_ok": abs(balance.residual_fraction) <= summary.RESIDUAL_BOUND,
-        "residual_bound": summary.RESIDUAL_BOUND,
+        "residual_ok": abs(balance.residual_fraction) <= RESIDUAL_BOUND,
+        "residual_bound": RESIDUAL_BOUND,
         "row_sums": row_sum_statistics(result),
         "elements": len(result.elements),
         "patches": len(scene.patches),
@@ -167,7 +168,7 @@ def _grid(
         return entry
     if lost:
         entry["remark"] = f"{lost} of {len(grid.illuminance_lx)} points have no value."
-    if not float(np.max(valid.illuminance_lx)) > 0.0:
+    if float(np.max(valid.illuminance_lx)) < formats.NEGLIGIBLE:
         entry["remark"] += " Every point is dark: no light reaches this grid."
     entry["facts"] = _grid_facts(valid)
     mine = [r for r in requirements if r.sensors == name]

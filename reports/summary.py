@@ -12,9 +12,6 @@ from patchlight.solver.model import Result, SensorResult
 from . import formats as f
 from .metrics import FAIL, PASS, UNDECIDED, RequirementResult, grid_metrics
 
-#: The ledger must close better than this; otherwise the report says so.
-RESIDUAL_BOUND = 1e-3
-
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -124,13 +121,17 @@ def component_rows(grid: SensorResult) -> list[dict[str, str]]:
     return [
         {
             "group": group,
-            "direct": f.number(direct),
-            "indirect": f.number(indirect),
-            "total": f.number(direct + indirect),
-            "share": f.percent((direct + indirect) / whole, 3) if whole > 0.0 else f.MISSING,
+            "direct": f.with_error(direct, digits=3),
+            "indirect": f.with_error(indirect, digits=3),
+            "total": f.with_error(direct + indirect, digits=3),
+            "share": _share((direct + indirect) / whole) if whole > 0.0 else f.MISSING,
         }
         for group, direct, indirect in rows
     ]
+
+
+def _share(fraction: float) -> str:
+    return f"{f.with_error(100.0 * fraction, digits=3)} %"
 
 
 def balance_rows(result: Result) -> list[dict[str, str]]:

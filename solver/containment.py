@@ -1,4 +1,4 @@
-"""Points inside the material of solids, and faces that lie against other faces."""
+"""Points inside solids and air volumes, and faces that lie against other faces."""
 
 from __future__ import annotations
 
@@ -23,8 +23,43 @@ _DIRECTIONS = frozen(
         (0.1698113207547170, -0.2727272727272727, -0.9469696969696970),
     ]
 )
-#: Distance of test points from surfaces, relative to the size of the scene.
-_RELATIVE_DISTANCE = 1e-6
+
+
+class Volumes:
+    """Which closed part points lie in.
+
+    Parameters
+    ----------
+    patches : PatchSet
+        Closed parts with +normals outwards.
+    parts : int
+        Number of parts of the scene.
+    """
+
+    def __init__(self, patches: PatchSet, parts: int) -> None:
+        self._part_of = frozen(patches.part_index, np.int64)
+        self._caster = RayCaster(patches)
+        self._boxes = _part_boxes(patches, parts)
+
+    @classmethod
+    def of_air(cls, scene: SceneData) -> Volumes | None:
+        """The air volumes of a scene; None when it has none."""
+        air = np.array([part.kind == "air" for part in scene.parts], dtype=bool)
+        if not air.any():
+            return None
+        rows = np.flatnonzero(air[scene.patches.part_index])
+        # The active side of air looks inwards.
+        return cls(scene.patches.take(rows).flipped(), len(scene.parts))
+
+    def parts_at(self, points: ArrayLike) -> IntArray:
+        """Row of a part that each point (m, 3) lies in, −1 for none: (m,) int. [m]"""
+        from .kernels.containment import containing_parts
+
+        p = frozen(points)
+        check_shape("points", p, (None, 3))
+        check_finite("points", p)
+        arrays = (*self._caster.arrays, self._part_of, self._boxes)
+        return np.asarray(containing_parts(*arrays, p, _DIRECTIONS))
 
 
 class Containment:
@@ -45,20 +80,12 @@ class Containment:
         closed = np.asarray(scene.closed, dtype=bool)
         in_air = air[patches.part_index] if air.size else np.zeros(len(patches), dtype=bool)
         rows = np.flatnonzero(closed & ~in_air)
-        self._part_of = frozen(patches.part_index[rows], np.int64)
-        self._solids = RayCaster(patches.take(rows))
+        self._solids = Volumes(patches.take(rows), len(scene.parts))
         self._closed = RayCaster(patches.take(np.flatnonzero(closed)))
-        self._part_boxes = _part_boxes(patches.take(rows), len(scene.parts))
 
     def parts_at(self, points: ArrayLike) -> IntArray:
         """Row of a part whose material each point (m, 3) lies in, −1 for none: (m,) int. [m]"""
-        from .kernels.containment import containing_parts
-
-        p = frozen(points)
-        check_shape("points", p, (None, 3))
-        check_finite("points", p)
-        arrays = (*self._solids.arrays, self._part_of, self._part_boxes)
-        return np.asarray(containing_parts(*arrays, p, _DIRECTIONS))
+        return self._solids.parts_at(points)
 
     def buried(self, nodes: ArrayLike, normals: ArrayLike, distance: float) -> IntArray:
         """Whether surface nodes (m, 3) with unit normals are covered: (m,) bool.
@@ -99,58 +126,3 @@ def inside_solids(scene: SceneData, points: ArrayLike) -> IntArray:
 def buried(scene: SceneData, nodes: ArrayLike, normals: ArrayLike, distance: float) -> IntArray:
     """Whether surface nodes are covered by solids; see `Containment.buried`."""
     return Containment(scene).buried(nodes, normals, distance)
-
-
-def check_placement(scene: SceneData) -> tuple[str, ...]:
-    """One line for each lamp, camera and sensor grid that lies inside a solid."""
-    if not len(scene.patches):
-        return ()
-    tester = Containment(scene)
-    low, high = scene.patches.bounds()
-    distance = _RELATIVE_DISTANCE * float(np.linalg.norm(high - low))
-    lines = _dark_lamps(scene, tester, distance)
-    for camera in scene.cameras:
-        part = int(tester.parts_at([camera.eye])[0])
-        if part >= 0:
-            lines.append(
-                f"camera {camera.name!r}: the eye {_place(camera.eye)} lies inside the solid "
-                f"{scene.parts[part].path!r}; the image will be dark"
-            )
-    for grid in scene.sensors:
-        parts = tester.parts_at(grid.points)
-        inside = np.flatnonzero(parts >= 0)
-        if inside.size:
-            first = int(inside[0])
-            lines.append(
-                f"sensors {grid.name!r}: {inside.size} of {len(grid)} points lie inside solids, "
-                f"the first {_place(grid.points[first])} in {scene.parts[parts[first]].path!r}"
-            )
-    return tuple(lines)
-
-
-def _dark_lamps(scene: SceneData, tester: Containment, distance: float) -> list[str]:
-    """Lamps of whose emitting sides no patch centre is free."""
-    lines = []
-    patches = scene.patches
-    centers, normals = patches.evaluate(0.5, 0.5), patches.normals(0.5, 0.5)
-    for lamp, luminaire in enumerate(scene.luminaires):
-        rows, sides = np.nonzero(scene.luminaire_index == lamp)
-        if not rows.size:
-            continue
-        n = normals[rows] * np.where(sides == 0, 1.0, -1.0)[:, None]
-        usable = np.isfinite(n).all(axis=1)
-        x, n = centers[rows[usable]], n[usable]
-        if len(x) and tester.buried(x, n, distance).all():
-            parts = tester.parts_at(x + distance * n)
-            inside = parts[parts >= 0]
-            where = f" the solid {scene.parts[inside[0]].path!r}" if inside.size else " other faces"
-            lines.append(
-                f"lamp {luminaire.part!r}: all of its emitting faces lie inside or against{where};"
-                f" its {luminaire.flux_lm:g} lm stay dark"
-            )
-    return lines
-
-
-def _place(point: ArrayLike) -> str:
-    x, y, z = (float(c) for c in np.asarray(point))
-    return f"({x:.4g}, {y:.4g}, {z:.4g}) m"

@@ -37,6 +37,10 @@ class ConvergenceError(PatchlightError, RuntimeError):
     """The accuracy asked for was not reached; the message says what was."""
 
 
+class OutOfMemoryError(PatchlightError, MemoryError):
+    """A computation that needs more memory than is free; it was not begun."""
+
+
 class MissingLibraryError(PatchlightError, ImportError):
     """A system library or optional package that this step needs is not installed."""
 

@@ -13,6 +13,7 @@ from .kernels.bulk import form_factor_rows
 from .kernels.meridian import Facets
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
+from .memory import check_matrix
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.sky import CIESky
@@ -167,8 +168,11 @@ def form_factor_matrix(
     ------
     NumericsError
         If a form factor is not finite.
+    OutOfMemoryError
+        If the factors do not fit into the memory that is free.
     """
     m, n = len(nodes), len(sources.nets)
+    check_matrix(m, n)
     factors, variances = np.zeros((m, n)), np.zeros((m, n), dtype=np.float32)
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
     outside = np.zeros((m, 5))

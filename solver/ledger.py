@@ -8,6 +8,20 @@ from .model.arrays import FloatArray, IntArray
 from .model.result import Balance, luminous
 from .model.scene import SceneData
 
+#: The ledger must close to this share of all light.
+RESIDUAL_BOUND = 1e-3
+
+
+def ledger_warning(balance: Balance) -> tuple[str, ...]:
+    """A line when the ledger does not close; nothing when it does."""
+    found = abs(balance.residual_fraction)
+    if found <= RESIDUAL_BOUND:
+        return ()
+    return (
+        f"flux ledger: {100.0 * found:.2g} % of all light ({abs(balance.residual_lm):.3g} lm) is "
+        f"not accounted for; at most {100.0 * RESIDUAL_BOUND:g} % may be missing",
+    )
+
 
 def make_balance(
     scene: SceneData,

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from .budget import Budget
-from .containment import check_placement
 from .errors import GeometryError, InputError
 from .field import FINE_SHARE, Field, FieldSolver, Gathered
 from .kernels.pyramid import Blockers
-from .ledger import make_balance
+from .ledger import ledger_warning, make_balance
+from .memory import check_memory, fits
 from .mesh_check import element_shift
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
+from .placement import check_placement
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
 from .topology import is_single, make_blockers
@@ -66,6 +67,8 @@ def solve(
         If there is no surface, or a patch without area.
     NumericsError
         If a closed scene absorbs nothing, so that no balance exists.
+    OutOfMemoryError
+        If the form factors of the elements would not fit into the memory that is free.
     """
     if not (np.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
         raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
@@ -93,6 +96,11 @@ class _Simulation:
     def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.budget = Budget.of(scene, accuracy)
+        self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
+        sides = len(scene.patches) + int(np.sum(scene.two_sided))
+        check_memory(
+            self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
+        )
 
     def run(self) -> Result:
         scene, stages = self.scene, self.stages
@@ -113,6 +121,12 @@ class _Simulation:
                 or not self._converged(self._sensors(grids, {}))
             ):
                 break  # it is good enough, too large, or not for the mesh that it is not
+            if not fits(finer.elements, self.largest_grid, kept_elements=self.budget.elements):
+                stages.warnings.append(
+                    f"the mesh was not made finer than {self.budget.elements} elements: the memory "
+                    f"that is free does not hold {finer.elements}"
+                )
+                break
             self.budget = finer
             field, grids, shifts, surface_shift = self._solved(solver, field)
             sensors = self._sensors(grids, shifts)
@@ -121,6 +135,8 @@ class _Simulation:
         light = field.light
         images = self._images(field)
         self._warn_dark(sensors, light.luminous())
+        balance = self._balance(field)
+        stages.warnings.extend(ledger_warning(balance))
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
@@ -129,7 +145,7 @@ class _Simulation:
             element_error_lx=_error(light, surface_shift, budget.eps),
             sensors=sensors,
             images=images,
-            balance=self._balance(field),
+            balance=balance,
             row_sums=field.row_sums,
             stages=stages.seconds,
             skipped=stages.skipped,

@@ -13,6 +13,7 @@ from ..errors import InputError
 from .arrays import FloatArray, IntArray
 from .elements import Elements
 from .optics import LUMINANCE_WEIGHTS
+from .reprs import result_repr, sensors_repr
 from .scene import SceneData
 from .views import Camera
 
@@ -24,7 +25,7 @@ def luminous(values: FloatArray) -> FloatArray:
     return np.asarray(values @ np.array(LUMINANCE_WEIGHTS))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SensorResult:
     """Illuminance on one grid; row i of every array is the same sensor.
 
@@ -53,6 +54,9 @@ class SensorResult:
     components: Mapping[str, FloatArray]
     daylight_factor: FloatArray | None = None
     outline: tuple[FloatArray, ...] = ()
+
+    def __repr__(self) -> str:
+        return sensors_repr(self)
 
     def mean(self, values: FloatArray) -> float:
         """Area-weighted mean of ``values`` (n,)."""
@@ -170,7 +174,7 @@ class Balance:
         return self.residual_lm / total if total > 0.0 else 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Result:
     """A solved scene.
 
@@ -222,6 +226,9 @@ class Result:
     settings: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     converged: bool = True
+
+    def __repr__(self) -> str:
+        return result_repr(self)
 
     @property
     def illuminance_lx(self) -> FloatArray:

@@ -56,6 +56,30 @@ def test_assembly_paths_colours_and_placements(room):
     assert model.parts[3].instance_of == 2
 
 
+def exported(path, *shapes):
+    """STEP file without product names; the kernel writes its own in their place."""
+    cq.exporters.export(cq.Workplane().add(list(shapes)), str(path))
+    assert "'Open CASCADE STEP translator" in path.read_text()
+    return path
+
+
+def test_parts_without_a_name_are_called_after_their_file(tmp_path):
+    box = cq.Workplane().box(1, 2, 3).val()
+    one = read_step(exported(tmp_path / "bracket.step", box))
+    assert [p.path for p in one.parts] == ["bracket"]
+    two = read_step(exported(tmp_path / "pair.step", box, box.moved(cq.Location((5, 0, 0)))))
+    assert [p.path for p in two.parts] == ["pair:1", "pair:2"]
+
+
+@pytest.mark.parametrize("name", ["Open CASCADE", "Open CASCADE STEP translator", "lamp 7.9 1"])
+def test_names_of_the_author_are_kept(tmp_path, name):
+    path = exported(tmp_path / "bracket.step", cq.Workplane().box(1, 2, 3).val())
+    text = path.read_text()
+    automatic = text.split("PRODUCT('")[1].split("'")[0]
+    path.write_text(text.replace(f"'{automatic}'", f"'{name}'"))
+    assert [p.path for p in read_step(path).parts] == [name]
+
+
 def test_round_trip_through_step(room, room_file, from_file):
     direct, read = from_cadquery(room), from_file
     assert read.name == "room" and read.unit.startswith("milli")

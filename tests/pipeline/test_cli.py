@@ -185,49 +185,6 @@ def test_version(capsys):
     assert capsys.readouterr().out.strip() == version("patchlight")
 
 
-def test_batch_of_bad_files_names_them_all(bad_steps, capsys):
-    (bad_steps / "good-name.stp").write_text("hello")
-    code = main(["batch", str(bad_steps), "-o", "out", "--jobs", "2"])
-    captured = capsys.readouterr()
-    assert code == 4
-    for name in (*BAD_STEPS, "good-name.stp"):
-        assert f"{name}: " in captured.out
-    assert "0 of 5 files done" in captured.out
-    table = (bad_steps / "out" / "summary.csv").read_text()
-    assert table.count("failed") == 5 and "truncated" in table
-    assert (bad_steps / "out" / "summary.html").is_file()
-
-
-def test_batch_ends_a_file_that_takes_too_long(bad_steps, monkeypatch):
-    from patchlight.pipeline import batches
-
-    real = subprocess.Popen
-
-    def slow(command, **options):
-        name = next(part for part in command if part.endswith(".step"))
-        code = "import time; time.sleep(60)" if "text" in name else "import sys; sys.exit(2)"
-        return real([sys.executable, "-c", code], **options)
-
-    monkeypatch.setattr(batches.subprocess, "Popen", slow)
-    items = batches.batch(["text.step", "empty.step"], "out", jobs=2, timeout_s=1.0)
-    assert [item.status for item in items] == ["timed out", "failed"]
-    assert items[0].seconds < 20.0 and "1 s" in items[0].message
-
-
-def test_batch_says_how_a_worker_died(bad_steps, monkeypatch):
-    from patchlight.pipeline import batches
-
-    real = subprocess.Popen
-    crash = "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"
-
-    def crashing(command, **options):
-        return real([sys.executable, "-c", crash], **options)
-
-    monkeypatch.setattr(batches.subprocess, "Popen", crashing)
-    (item,) = batches.batch(["text.step"], "out")
-    assert item.exit_code == -11 and "SIGSEGV" in item.message
-
-
 @pytest.fixture(scope="module")
 def demo_scene(tmp_path_factory):
     pytest.importorskip("cadquery")
@@ -254,7 +211,7 @@ def test_demo_scene_file_fits_its_model(demo_scene):
     assert data.groups == ("lamps", "sky", "ground")
     assert sum(lamp.flux_lm for lamp in data.luminaires) == pytest.approx(6400)
     assert 40 <= len(data.sensors[0]) <= 120
-    from patchlight.solver.containment import check_placement
+    from patchlight.solver.placement import check_placement
 
     assert check_placement(data) == ()
 

@@ -334,6 +334,51 @@ def test_options_out_of_range(options, message):
         Scene(**options)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("plane", "E_mean", {"min": 1.0}), "one of E_avg_lx"),
+        (("plane", "E_avg_lx", {}), "give min, max or both"),
+        (("plane", "E_avg_lx", {"min": 3.0, "max": 2.0}), "min = 3 lies above max = 2"),
+        (("plane", "E_avg_lx", {"min": math.nan}), "finite"),
+    ],
+)
+def test_requirements_out_of_range(house, arguments, message):
+    sensors, metric, bounds = arguments
+    with pytest.raises(InputError, match=message):
+        Scene(house).require(sensors, metric, **bounds)
+
+
+def test_requirements_are_checked_before_anything_is_solved(house):
+    scene = Scene(house)
+    scene.require("plane", "E_avg_lx", min=2.0, max=2.0)  # the grid may come later
+    scene.require("plane", "DF_avg_percent", min=2.0)
+    with pytest.raises(InputError, match="'plane': no such grid; grids: none"):
+        scene.freeze()
+    scene.add(SensorGrid([[1, 1, 1]], (0, 0, 1), name="plane"))
+    with pytest.raises(InputError, match="overcast"):
+        scene.freeze()
+    scene.sky = CIESky(16)
+    scene.freeze()
+
+
+def test_everything_that_hinders_a_solution_is_said_at_once(house):
+    scene = Scene(house)
+    scene.assign("lamp:1", Emitter(flux_lm=1, group="sky"))
+    scene.assign("lamp:2", Emitter(flux_lm=1, group="sun"))
+    scene.add(SensorGrid.on_plane("high", z=0.8, over="nowhere"))
+    scene.add(SensorGrid.on_plane("narrow", z=0.8, over="room", margin=9.0))
+    scene.add(SensorGrid.on_plane("good", z=0.8, over="room"))
+    scene.require("hihg", "E_avg_lx", min=2.0)
+    with pytest.raises(InputError) as error:
+        scene.freeze()
+    lines = str(error.value).splitlines()
+    assert lines[0] == "5 problems"
+    words = ("did you mean 'high'", "'sky' of house/lights/lamp:1", "'sun' of", "'high'", "margin")
+    for word, line in zip(words, lines[1:], strict=True):
+        assert word in line
+
+
 def test_remarks_on_glass_light_and_sensors_below(make_model):
     model = make_model("m", {"window glass": ((1.0, 1.0, 0.1), (0, 0, 0), False)})
     scene = Scene(model)

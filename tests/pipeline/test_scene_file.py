@@ -191,6 +191,89 @@ def test_patterns_without_match_are_reported_together(folder):
     assert "assign[0]" in message and "assign[2]" in message and "assign[1]" not in message
 
 
+def test_patterns_of_grids_are_reported_with_those_of_assignments(folder):
+    text = (
+        HEAD
+        + """
+[[assign]]
+parts = "wal*"
+material = { reflectance = 0.3 }
+[[sensors]]
+name = "plane"
+z_m = 0.8
+over = "flor"
+[[sensors]]
+name = "desks"
+parts = "dessk"
+[[sensors]]
+name = "fine"
+z_m = 0.8
+over = "room/room"
+"""
+    )
+    with pytest.raises(InputError) as error:
+        load_scene(write(folder, text))
+    lines = str(error.value).splitlines()
+    assert [line.strip().split(": ")[0] for line in lines[1:]] == [
+        "assign[0]",
+        "sensors[0]",
+        "sensors[1]",
+    ]
+    assert "nearest: room/desk" in lines[3] and lines[0].endswith("scene.toml: 3 problems")
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ('metric = "E_avg_lx"\nmin = 500\nmax = 300', "min = 500 lies above max = 300"),
+        ('metric = "E_mean"\nmin = 500', "E_avg_lx"),
+        ('metric = "DF_avg_percent"\nmin = 2', "overcast"),
+        ('metric = "DF_avg_percent"\nmin = 2\n[sky]\ntype = 5', "overcast"),
+        (
+            'metric = "DF_avg_percent"\nmin = 2\n[sky]\n[sun]\naltitude_deg = 40\n'
+            "azimuth_deg = 180\nnormal_illuminance_lx = 1e4",
+            "overcast",
+        ),
+    ],
+)
+def test_requirements_that_nothing_can_meet(folder, monkeypatch, tables, words):
+    def must_not_read(*_, **__):
+        raise AssertionError("a model was read although the scene file is wrong")
+
+    monkeypatch.setattr("patchlight.importers.read_step", must_not_read)
+    grid = '[[sensors]]\nname = "p"\nz_m = 0.8\n[[requirements]]\nsensors = "p"\n'
+    with pytest.raises(InputError, match=r"requirements\[0\]") as error:
+        load_scene(write(folder, HEAD + grid + tables))
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_wrong_sky_is_one_problem(folder):
+    text = HEAD + (
+        '[[sensors]]\nname = "p"\nz_m = 0.8\n'
+        '[[requirements]]\nsensors = "p"\nmetric = "DF_avg_percent"\nmin = 2\n[sky]\ntype = 17\n'
+    )
+    with pytest.raises(InputError, match=r"toml: sky: .* 17: must be 1 to 16"):
+        load_scene(write(folder, text))
+
+
+def test_the_sky_must_agree_with_the_sun(folder):
+    text = HEAD + (
+        "[sky]\ntype = 12\nsun_altitude_deg = 30\nsun_azimuth_deg = 180\n"
+        "[sun]\naltitude_deg = 40\nazimuth_deg = 180\nnormal_illuminance_lx = 1e4\n"
+    )
+    with pytest.raises(InputError, match=r"sky: .* 10\.00 degrees apart"):
+        read_scene_file(write(folder, text))
+
+
+def test_misspelled_grids_of_requirements_get_a_hint(folder):
+    text = HEAD + (
+        '[[sensors]]\nname = "workplane"\nz_m = 0.8\n'
+        '[[requirements]]\nsensors = "workplan"\nmetric = "E_avg_lx"\nmin = 2\n'
+    )
+    with pytest.raises(InputError, match="did you mean 'workplane'"):
+        read_scene_file(write(folder, text))
+
+
 @pytest.mark.parametrize(
     "line",
     [

@@ -7,13 +7,16 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from patchlight.reports import evaluate_requirements, write_batch_summary
-from patchlight.reports.formats import number, with_error
+from patchlight.reports import evaluate_requirements, figures, write_batch_summary
+from patchlight.reports.formats import console, number, with_error
+from patchlight.reports.lattice import find_lattice, smooth_field
 from patchlight.reports.levels import scale_for
 from patchlight.reports.metrics import verdict
+from patchlight.reports.plan import SHORTEST, _isolux_lines
 from patchlight.reports.section import cut, joined, patch_triangles
 from patchlight.reports.tonemap import apply, tone_map_for
 from patchlight.solver.model import PatchSet, Result
@@ -60,16 +63,30 @@ def test_requirements_that_cannot_be_evaluated_say_why(build: Callable[..., Resu
 @pytest.mark.parametrize(
     ("value", "error", "text"),
     [
-        (512.34, 5.0, "512 ± 5"),
-        (512.34, 0.312, "512.3 ± 0.4"),
+        (451.2, 30.0, "451 ± 30"),
+        (451.2, 30.01, "451 ± 31"),
+        (512.34, 5.0, "512.3 ± 5.0"),
+        (512.34, 0.312, "512.34 ± 0.32"),
+        (512.34, 9.96, "512 ± 10"),
         (0.6131, 0.0121, "0.613 ± 0.013"),
-        (51234.0, 320.0, "51\u202f200 ± 400"),
+        (0.3, 0.1 + 0.2, "0.30 ± 0.30"),
+        (51234.0, 320.0, "51\u202f230 ± 320"),
+        (51236.0, 1320.0, "51\u202f200 ± 1400"),
+        (3.0, 120.0, "0 ± 120"),
         (5.25, 0.0, "5.250"),
+        (5.25, None, "5.250"),
+        (3e-15, 2e-17, "0"),
+        (-3e-15, 0.2, "0.00 ± 0.20"),
         (float("nan"), 1.0, "–"),
     ],
 )
 def test_error_sets_the_digits(value: float, error: float, text: str) -> None:
     assert with_error(value, error) == text
+
+
+def test_terminals_get_plain_numbers() -> None:
+    shown = [console(with_error(v, e)) for v, e in ((1e4, None), (123456.0, 78.0), (1e6, 1e4))]
+    assert shown == ["10000", "123456 ± 78", "1000000 ± 10000"]
 
 
 def test_numbers_have_sensible_digits() -> None:
@@ -154,6 +171,93 @@ def test_batch_summary_links_reports_and_shows_failures(tmp_path: Path) -> None:
     assert "1 of 1 files with a report" in html and '<tr class="open-row">' in html
     empty = write_batch_summary([], tmp_path / "none")
     assert "nothing to do" in empty["summary.html"].read_text()
+
+
+def test_batch_summary_shows_names_and_keeps_paths(tmp_path: Path) -> None:
+    files = ("/data/parts/long name of a bracket.step", "/data/a/x.step", "/data/b/x.step")
+    items = [{"file": file, "status": "ok", "report": None, "metrics": {}} for file in files]
+    html = write_batch_summary(items, tmp_path)["summary.html"].read_text()
+    assert f'<span title="{files[0]}">long name of a bracket.step</span>' in html
+    assert ">a/x.step</span>" in html and ">b/x.step</span>" in html
+    with open(tmp_path / "summary.csv", newline="") as stream:
+        assert [row["file"] for row in csv.DictReader(stream)] == list(files)
+
+
+def slanted_shadow(step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cells (n, 2) of a 6 x 4 m floor, and light of 400 lx with a slanted strip of 100 lx."""
+    x, y = (np.arange(0.5 * step, s, step) for s in (6.0, 4.0))
+    uv = np.stack([g.ravel() for g in np.meshgrid(x, y, indexing="ij")], axis=-1)
+    dark = np.abs(0.31 * uv[:, 0] - uv[:, 1] + 1.2) < 0.12
+    return uv, np.full(len(uv), step**2), np.where(dark, 100.0, 400.0) + 3.0 * uv[:, 0]
+
+
+def test_fields_do_not_overshoot_at_edges_of_shadow() -> None:
+    uv, areas, values = slanted_shadow(0.2)
+    lattice = find_lattice(uv, areas)
+    assert lattice is not None
+    u, v, fine = smooth_field(lattice, values)
+    field = values[lattice.row]
+    # Fine points between four cell centres lie within the four values; the rim is continued.
+    iu = np.floor((u - lattice.u[0]) / lattice.step_u + 1e-9).astype(int)
+    iv = np.floor((v - lattice.v[0]) / lattice.step_v + 1e-9).astype(int)
+    inner_u, inner_v = (iu >= 0) & (iu < len(lattice.u) - 1), (iv >= 0) & (iv < len(lattice.v) - 1)
+    iu, iv = iu[inner_u], iv[inner_v]
+    corners = np.stack([field[np.ix_(iv + a, iu + b)] for a in (0, 1) for b in (0, 1)])
+    inner = fine[np.ix_(inner_v, inner_u)]
+    # Beside the strip the light is linear, which cubics keep to rounding.
+    assert (inner <= corners.max(axis=0) + 1e-9).all()
+    assert (inner >= corners.min(axis=0) - 1e-9).all()
+
+
+def test_smooth_fields_keep_their_curvature() -> None:
+    uv, areas, _ = slanted_shadow(0.5)
+    values = 500.0 - 20.0 * ((uv[:, 0] - 3.1) ** 2 + (uv[:, 1] - 2.1) ** 2)
+    lattice = find_lattice(uv, areas)
+    assert lattice is not None
+    u, v, fine = smooth_field(lattice, values)
+    exact = 500.0 - 20.0 * ((u[None, :] - 3.1) ** 2 + (v[:, None] - 2.1) ** 2)
+    inside = (slice(16, -16), slice(16, -16))  # Catmull-Rom cubics are exact for parabolas inside
+    top = exact[inside] < values.max()  # ... up to the range of the values
+    assert np.abs(fine - exact)[inside][top].max() < 1e-9
+
+
+@pytest.mark.parametrize("step", [0.1, 0.2, 0.5])
+def test_isolux_lines_have_no_little_rings(step: float) -> None:
+    uv, areas, values = slanted_shadow(step)
+    values[np.argmin(np.hypot(*(uv - [5.0, 1.0]).T))] = 60.0  # a single dark point
+    big = np.hypot(*(uv - [1.5, 2.8]).T) < 0.75
+    values[big] = 150.0
+    lattice = find_lattice(uv, areas)
+    assert lattice is not None
+    with figures.look():
+        axes = figures.new_figure(4.0, 3.0).add_subplot()
+        levels = np.array([75.0, 100.0, 150.0, 200.0, 300.0, 500.0])
+        field = smooth_field(lattice, values)
+        every = axes.contour(*field, levels=levels)
+        lines = _isolux_lines(axes, field, levels, SHORTEST * step)
+
+    def rings(found: Any) -> list[np.ndarray]:
+        kept = [line for level in found.allsegs for line in level if len(line)]
+        return [line for line in kept if (line[0] == line[-1]).all()]
+
+    def length(line: np.ndarray) -> float:
+        return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+    assert min(map(length, rings(every))) < SHORTEST * step <= min(map(length, rings(lines)))
+    centers = np.array([line.mean(axis=0) for line in rings(lines)])
+    assert np.hypot(*(centers - [1.5, 2.8]).T).min() < 0.5 * step + 0.1  # the large one is kept
+
+
+def test_a_single_dark_point_leaves_no_line() -> None:
+    uv, areas, values = slanted_shadow(0.5)
+    values = np.full(len(uv), 400.0)
+    values[44] = 10.0
+    lattice = find_lattice(uv, areas)
+    assert lattice is not None
+    with figures.look():
+        axes = figures.new_figure(4.0, 3.0).add_subplot()
+        field = smooth_field(lattice, values)
+        assert _isolux_lines(axes, field, np.array([50.0]), SHORTEST * 0.5) is None
 
 
 def test_importing_loads_no_heavy_library() -> None:

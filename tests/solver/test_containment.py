@@ -2,46 +2,11 @@
 
 import numpy as np
 import pytest
-from patchlight.solver.containment import Containment, buried, check_placement, inside_solids
+from patchlight.solver.containment import Containment, Volumes, buried, inside_solids
 from patchlight.solver.errors import InputError
-from patchlight.solver.model import (
-    BLACK,
-    Camera,
-    Luminaire,
-    Material,
-    PatchSet,
-    SceneData,
-    SceneFace,
-    ScenePart,
-    Sensors,
-)
+from patchlight.solver.model import PatchSet
 
-
-def scene_of(*bodies, **more):
-    """Scene of (PatchSet, kind) bodies named a, b, c, …"""
-    sets, parts = [], []
-    for k, (patches, kind) in enumerate(bodies):
-        n = len(patches)
-        sets.append(
-            PatchSet(patches.control_points, np.arange(n) + sum(map(len, sets)), np.full(n, k))
-        )
-        parts.append(ScenePart("abcdefgh"[k], "model", kind))
-    patches = PatchSet.concatenated(*sets)
-    n = len(patches)
-    kinds = np.array([parts[p].kind for p in patches.part_index])
-    arrays = dict(
-        two_sided=kinds == "sheet",
-        closed=(kinds == "solid") | (kinds == "air"),
-        material_index=np.zeros((n, 2), dtype=int),
-        luminaire_index=np.full((n, 2), BLACK),
-    )
-    return SceneData(
-        patches=patches,
-        parts=tuple(parts),
-        faces=tuple(SceneFace(int(p), 1, "plane") for p in patches.part_index),
-        materials=(Material(),),
-        **(arrays | more),
-    )
+from .fixtures_bodies import scene_of
 
 
 def random_points(n, extent, seed=1):
@@ -159,27 +124,13 @@ def test_own_concave_faces_are_free():
     assert not buried(scene_of((torus, "solid")), nodes, torus.normals(0.3, 0.6), 1e-7).any()
 
 
-def test_placement_warnings_name_the_thing_and_the_solid():
-    lamp_flux = Luminaire("b", "lamps", 500.0, 0.1, np.ones(3), 4000.0)
-    lamp = PatchSet.sphere((0, 0, 0), 0.1)
-    wall = PatchSet.box((1, 1, 1))
-    emitting = np.full((14, 2), -1)
-    emitting[6:, 0] = 0
-    scene = scene_of(
-        (wall, "solid"),
-        (lamp, "solid"),
-        luminaire_index=emitting,
-        luminaires=(lamp_flux,),
-        cameras=(Camera((0.3, 0.3, 0.3), (0, 0, 0), name="door"),),
-        sensors=(Sensors("plane", [(0.3, 0.3, 0.3), (2.0, 0.0, 0.0)], (0.0, 0.0, 1.0)),),
-    )
-    lines = check_placement(scene)
-    assert len(lines) == 3
-    assert "lamp 'b'" in lines[0] and "'a'" in lines[0] and "500 lm" in lines[0]
-    assert "camera 'door'" in lines[1] and "'a'" in lines[1]
-    assert "sensors 'plane': 1 of 2" in lines[2] and "'a'" in lines[2]
-    free = scene_of((wall, "solid"), cameras=(Camera((3, 0, 0), (0, 0, 0), name="far"),))
-    assert check_placement(free) == ()
+def test_air_volumes_are_found_by_their_inward_faces():
+    points = random_points(500, 1.0)
+    room = (PatchSet.box((1, 1.2, 0.8), inward=True), "air")
+    volumes = Volumes.of_air(scene_of(room, (PatchSet.box((3, 3, 3)), "solid")))
+    inside = (np.abs(points) < [0.5, 0.6, 0.4]).all(axis=1)
+    np.testing.assert_array_equal(volumes.parts_at(points), np.where(inside, 0, -1))
+    assert Volumes.of_air(scene_of((PatchSet.box((3, 3, 3)), "solid"))) is None
 
 
 def test_bad_input():

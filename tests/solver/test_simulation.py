@@ -20,7 +20,7 @@ from patchlight.solver.model import (
     ScenePart,
     Sun,
 )
-from patchlight.solver.simulation import estimate_seconds, solve
+from patchlight.solver.simulation import _Simulation, estimate_seconds, solve
 
 from .fixtures_light import UP, Body, ceiling, grid, rows, scene, setup
 
@@ -74,6 +74,23 @@ def test_light_that_is_not_there_is_named():
     result = solve(scene(setup(ceiling(-1, 1, -1, 1, 0).flipped()), sky=CIESky(5)), accuracy=0.3)
     assert result.skipped["electric light"] == "no luminaires"
     assert "sky" not in result.skipped and result.components["sky.direct"].any()
+
+
+def test_a_finer_mesh_that_does_not_fit_is_not_made(monkeypatch):
+    """The errors that it would have made smaller are told all the same."""
+    # Not good enough, good enough but for the mesh, and in the end still not good enough.
+    verdicts = iter([False, True, False])
+    monkeypatch.setattr(_Simulation, "_converged", lambda self, sensors: next(verdicts))
+    asked = []
+    monkeypatch.setattr(
+        "patchlight.solver.simulation.fits",
+        lambda elements, grid, kept_elements: asked.append((elements, grid, kept_elements)),
+    )
+    result = solve(lit_room(), accuracy=0.3)
+    ((elements, sensors, kept),) = asked
+    assert elements > kept == len(result.elements) and sensors == len(PLANE)
+    assert any("not made finer than" in line for line in result.warnings)
+    assert not result.converged
 
 
 def test_dark_scene_warns():

@@ -1,0 +1,57 @@
+"""Bounds on metrics, checked before the long computation and judged in the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from patchlight.solver.errors import InputError
+from patchlight.solver.model import CIESky, Sun
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A bound on a metric of a sensor grid, judged in the report."""
+
+    sensors: str
+    metric: str
+    min: float | None = None
+    max: float | None = None
+
+    def __post_init__(self) -> None:
+        from patchlight.reports.metrics import QUANTITIES
+
+        name = f"requirement on {self.sensors!r} {self.metric}"
+        if self.metric not in QUANTITIES:
+            raise InputError(f"metric {self.metric!r}: one of {', '.join(QUANTITIES)}")
+        if self.min is None and self.max is None:
+            raise InputError(f"{name}: give min, max or both")
+        for key in ("min", "max"):
+            value = getattr(self, key)
+            if value is not None and not math.isfinite(value):
+                raise InputError(f"{name}: {key} = {value}: must be a finite number")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise InputError(
+                f"{name}: min = {self.min:g} lies above max = {self.max:g}: nothing can meet both"
+            )
+
+    def problem(self, grids: Collection[str], sky: CIESky | None, sun: Sun | None) -> str:
+        """Why a scene with these grids and this light has no such value; empty when it has."""
+        if self.sensors not in grids:
+            return f"requirement on {unknown_grid(self.sensors, grids)}"
+        daylight = sky is not None and sky.type in (1, 16) and sun is None
+        if self.metric.startswith("DF_") and not daylight:
+            return (
+                f"requirement on {self.sensors!r} {self.metric}: daylight factors need an overcast "
+                "sky (type 1 or 16) without a sun"
+            )
+        return ""
+
+
+def unknown_grid(name: str, grids: Collection[str]) -> str:
+    """What to say of a grid that there is not."""
+    near = get_close_matches(name, grids, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"grids: {', '.join(grids) or 'none'}"
+    return f"{name!r}: no such grid; {hint}"

@@ -1,0 +1,139 @@
+"""Whether the dense matrices of a run fit into the memory that is free."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from .errors import OutOfMemoryError
+
+#: Bytes that a pair of receiver and element takes at the worst moment, while sampled rows are
+#: corrected: factors before and after (8 each), variances (4 before), and two arrays in between
+#: (8 each), measured as 36.
+PAIR_BYTES = 40
+#: Bytes of a pair once it is known: factors, and the variances of sampled ones.
+ROW_BYTES = 12
+#: Bytes of a pair of the matrix that stays while a finer mesh or the sensors are done.
+KEPT_BYTES = 8
+#: Pairs below which nothing is asked: looking costs as much as some form factors.
+SMALL_MATRIX = 1_000_000
+GB = 1e9
+
+
+def needed_bytes(elements: int, largest_grid: int = 0, *, kept_elements: int = 0) -> int:
+    """Memory that a mesh takes at the worst moment. [B]
+
+    Parameters
+    ----------
+    elements : int
+        Elements of the mesh, all of which see one another.
+    largest_grid : int
+        Sensors of the largest grid; they are done after the elements, while the matrix stays.
+    kept_elements : int
+        Elements of a coarser mesh whose matrix stays meanwhile.
+    """
+    mesh = PAIR_BYTES * elements**2
+    sensors = PAIR_BYTES * elements * largest_grid + KEPT_BYTES * elements**2
+    return max(mesh, sensors) + KEPT_BYTES * kept_elements**2
+
+
+def check_memory(
+    elements: int, largest_grid: int = 0, *, least_elements: int = 0, accuracy: float | None = None
+) -> None:
+    """Raise `OutOfMemoryError` where a mesh cannot fit.
+
+    Parameters
+    ----------
+    elements, largest_grid : int
+        As in `needed_bytes`.
+    least_elements : int
+        Elements that the scene has at any accuracy, one a patch and side.
+    accuracy : float, optional
+        What the mesh follows from, for the advice.
+    """
+    free = available_bytes()
+    need = needed_bytes(elements, largest_grid)
+    if free is None or need <= free:
+        return
+    advice = []
+    if PAIR_BYTES * elements**2 <= free:
+        advice.append(f"use fewer sensors than {largest_grid} in a grid")
+    if accuracy is not None and least_elements < elements:
+        advice.append(f"ask for less accuracy, a larger number than {accuracy:g}")
+    if least_elements:
+        advice.append("leave out parts that do not matter for the light, to have fewer patches")
+    raise OutOfMemoryError(
+        f"{elements} elements need {need / GB:.1f} GB of memory for their form factors, but only "
+        f"{free / GB:.1f} GB are free; {'; or '.join(advice) or 'use fewer elements'}"
+    )
+
+
+def check_matrix(rows: int, columns: int) -> None:
+    """Raise `OutOfMemoryError` where form factors of ``rows`` by ``columns`` cannot fit."""
+    if rows * columns < SMALL_MATRIX:
+        return
+    free, need = available_bytes(), ROW_BYTES * rows * columns
+    if free is not None and need > free:
+        raise OutOfMemoryError(
+            f"{rows} x {columns} form factors need {need / GB:.1f} GB of memory, but only "
+            f"{free / GB:.1f} GB are free; ask for fewer points or elements at a time"
+        )
+
+
+def fits(elements: int, largest_grid: int = 0, *, kept_elements: int = 0) -> bool:
+    """Whether a mesh can be made; see `needed_bytes`."""
+    free = available_bytes()
+    need = needed_bytes(elements, largest_grid, kept_elements=kept_elements)
+    return free is None or need <= free
+
+
+def available_bytes(root: Path = Path("/")) -> int | None:
+    """Memory that can still be had [B]; None when the system does not tell.
+
+    The least of what the machine has free and what the control groups of the process, if any, still
+    allow; memory that only caches files counts as free.
+    """
+    limits = [free for free in (_machine(root), *_groups(root)) if free is not None]
+    return max(0, min(limits)) if limits else None
+
+
+def _machine(root: Path) -> int | None:
+    for line in _text(root / "proc/meminfo").splitlines():
+        if line.startswith("MemAvailable:"):
+            return int(line.split()[1]) * 1024
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # neither is there on every system
+        return None
+
+
+def _groups(root: Path) -> Iterator[int | None]:
+    """What each control group over the process still allows; versions 2 and 1."""
+    for line in _text(root / "proc/self/cgroup").splitlines():
+        _, controllers, path = line.split(":", 2)
+        if not controllers:
+            names = ("memory.max", "memory.current", "inactive_file")
+            yield from _limits(root / "sys/fs/cgroup", path, names)
+        elif "memory" in controllers.split(","):
+            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+            yield from _limits(root / "sys/fs/cgroup/memory", path, names)
+
+
+def _limits(mount: Path, path: str, names: tuple[str, str, str]) -> Iterator[int | None]:
+    """Of the group at ``path`` and of all above it; in a container only the last is there."""
+    steps = [step for step in path.split("/") if step and step != ".."]
+    for depth in range(len(steps), -1, -1):
+        folder = mount.joinpath(*steps[:depth])
+        limit, used = (_text(folder / name).strip() for name in names[:2])
+        if not (limit.isdigit() and used.isdigit()):  # "max" or no such group
+            continue
+        stat = dict(line.split(" ", 1) for line in _text(folder / "memory.stat").splitlines())
+        yield int(limit) - int(used) + int(stat.get(names[2], 0))
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return ""

@@ -1,0 +1,137 @@
+"""Lamps, cameras and sensors in places where they make no sense."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .containment import Containment, Volumes
+from .model.scene import SceneData
+
+#: Distance of test points from surfaces, relative to the size of the scene.
+_RELATIVE_DISTANCE = 1e-6
+#: Samples a direction in the patches of lamps.
+_SAMPLES = 8
+
+
+def check_placement(scene: SceneData) -> tuple[str, ...]:
+    """One line for each lamp, camera and sensor grid in a place where it makes no sense.
+
+    Inside a solid; outside the model; outside the air of a scene that declares which parts are air.
+    """
+    if not len(scene.patches):
+        return ()
+    tester = Containment(scene)
+    low, high = scene.patches.bounds()
+    distance = _RELATIVE_DISTANCE * float(np.linalg.norm(high - low))
+    lines = _dark_lamps(scene, tester, distance)
+    for camera in scene.cameras:
+        part = int(tester.parts_at([camera.eye])[0])
+        if part >= 0:
+            lines.append(
+                f"camera {camera.name!r}: the eye {_place(camera.eye)} lies inside the solid "
+                f"{scene.parts[part].path!r}; the image will be dark"
+            )
+    for grid in scene.sensors:
+        parts = tester.parts_at(grid.points)
+        inside = np.flatnonzero(parts >= 0)
+        if inside.size:
+            first = int(inside[0])
+            lines.append(
+                f"sensors {grid.name!r}: {inside.size} of {len(grid)} points lie inside solids, "
+                f"the first {_place(grid.points[first])} in {scene.parts[parts[first]].path!r}"
+            )
+    lines += _outside_model(scene, 1e-9 * float(np.linalg.norm(high - low)))
+    air = Volumes.of_air(scene)
+    if air is not None:
+        lines += _grids_outside(scene, air) + _lamps_outside(scene, air, distance)
+    return tuple(lines)
+
+
+def _outside_model(scene: SceneData, slack: float) -> list[str]:
+    """Grids that lie wholly on one side of the model, as one whose height is in millimetres."""
+    low, high = scene.patches.bounds()
+    lines = []
+    for grid in scene.sensors:
+        for axis, name in ((2, "z"), (0, "x"), (1, "y")):
+            at = grid.points[:, axis]
+            over = bool((at > high[axis] + slack).all())
+            if over or bool((at < low[axis] - slack).all()):
+                side = {(2, True): "above", (2, False): "below"}.get((axis, over), "beside")
+                nearest, end = (at.min(), high) if over else (at.max(), low)
+                lines.append(
+                    f"sensors {grid.name!r}: all {len(grid)} points lie {side} the whole model: "
+                    f"{name} = {nearest:.4g} m, but the model ends at {end[axis]:.4g} m"
+                )
+                break
+    return lines
+
+
+def _grids_outside(scene: SceneData, air: Volumes) -> list[str]:
+    lines = []
+    for grid in scene.sensors:
+        outside = np.flatnonzero(air.parts_at(grid.points) < 0)
+        if outside.size:
+            lines.append(
+                f"sensors {grid.name!r}: {outside.size} of {len(grid)} points lie outside the air "
+                f"{_air_names(scene)}, the first {_place(grid.points[outside[0]])}"
+            )
+    return lines
+
+
+def _lamps_outside(scene: SceneData, air: Volumes, distance: float) -> list[str]:
+    """Lamps of which a part does not shine into any air volume."""
+    lines = []
+    patches, areas = scene.patches, scene.patches.areas()
+    t = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    u, v = (grid.ravel() for grid in np.meshgrid(t, t))
+    for lamp, luminaire in enumerate(scene.luminaires):
+        rows, sides = np.nonzero(scene.luminaire_index == lamp)
+        if not rows.size:
+            continue
+        own = patches.take(rows)
+        turn = np.where(sides == 0, 1.0, -1.0)[:, None, None]
+        x = own.evaluate(u, v) + distance * turn * np.nan_to_num(own.normals(u, v))
+        outside = (air.parts_at(x.reshape(-1, 3)) < 0).reshape(len(rows), -1).mean(axis=1)
+        share = float(outside @ areas[rows] / max(float(areas[rows].sum()), 1e-300))
+        if share > 0.0:
+            amount = "all" if share == 1.0 else f"about {100.0 * share:.0f} %"
+            lines.append(
+                f"lamp {luminaire.part!r}: {amount} of its emitting faces lies outside the air "
+                f"{_air_names(scene)} or against its walls; that share of its "
+                f"{luminaire.flux_lm:g} lm does not get into the room"
+            )
+    return lines
+
+
+def _air_names(scene: SceneData) -> str:
+    names = [repr(part.path) for part in scene.parts if part.kind == "air"]
+    return ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
+
+
+def _dark_lamps(scene: SceneData, tester: Containment, distance: float) -> list[str]:
+    """Lamps of whose emitting sides no patch centre is free."""
+    lines = []
+    patches = scene.patches
+    centers, normals = patches.evaluate(0.5, 0.5), patches.normals(0.5, 0.5)
+    for lamp, luminaire in enumerate(scene.luminaires):
+        rows, sides = np.nonzero(scene.luminaire_index == lamp)
+        if not rows.size:
+            continue
+        n = normals[rows] * np.where(sides == 0, 1.0, -1.0)[:, None]
+        usable = np.isfinite(n).all(axis=1)
+        x, n = centers[rows[usable]], n[usable]
+        if len(x) and tester.buried(x, n, distance).all():
+            parts = tester.parts_at(x + distance * n)
+            inside = parts[parts >= 0]
+            where = f" the solid {scene.parts[inside[0]].path!r}" if inside.size else " other faces"
+            lines.append(
+                f"lamp {luminaire.part!r}: all of its emitting faces lie inside or against{where};"
+                f" its {luminaire.flux_lm:g} lm stay dark"
+            )
+    return lines
+
+
+def _place(point: ArrayLike) -> str:
+    x, y, z = (float(c) for c in np.asarray(point))
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) m"
