@@ -236,17 +236,20 @@ def connected(adjacent: IntArray) -> IntArray:
 def _surfaces(nets: FloatArray) -> Blockers:
     """Surfaces that hide from both sides, each connected sheet for itself.
 
-    Only the + side of a source gives light: a convex closed sheet hides nothing of its own light
-    that is not turned away, wherever the receiver is.
+    A point is seen from before its tangent plane only, since only the + side of a source gives
+    light: where all of a sheet lies behind all its tangent planes, closed or not, it hides nothing
+    of itself. A hollow one hides nothing of itself from receivers on it if it has no hole.
     """
     from .topology import adjacency, convexity, make_blockers, watertight
 
     adjacent = adjacency(nets, np.zeros(len(nets), np.int64))
     sheet = connected(adjacent)
     surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet)
-    tight = watertight(nets, adjacent)
-    bulging, hollow = convexity(nets, surfaces.flags, sheet, tight, len(surfaces.bulging))
-    return surfaces._replace(bulging=bulging, hollow=hollow)
+    count = len(surfaces.bulging)
+    bulging, hollow = convexity(nets, surfaces.flags, sheet, np.ones(len(nets), bool), count)
+    whole = np.ones(count, bool)
+    np.logical_and.at(whole, sheet, watertight(nets, adjacent))
+    return surfaces._replace(bulging=bulging, hollow=hollow & whole)
 
 
 def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntArray:
@@ -265,17 +268,23 @@ def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntA
         near = np.linalg.norm(points - spheres[p, :3], axis=1) <= spheres[p, 3]
         if not near.any():
             continue
+        rows = np.flatnonzero(near & (out < 0))
+        x = points[rows]
         at, _, _ = tangents(nets[p], *grid)
-        for i in np.flatnonzero(near & (out < 0)):
-            k = int(np.argmin(np.linalg.norm(at - points[i], axis=1)))
-            u, v = grid[0][k], grid[1][k]
-            for _ in range(20):
-                point, su, sv = tangents(nets[p], u, v)
-                step, *_ = np.linalg.lstsq(np.stack([su, sv], 1), points[i] - point, rcond=None)
-                u, v = float(np.clip(u + step[0], 0, 1)), float(np.clip(v + step[1], 0, 1))
-            point, _, _ = tangents(nets[p], u, v)
-            if np.linalg.norm(point - points[i]) <= 1e-9 * spheres[p, 3]:
-                out[i] = p
+        k = np.argmin(np.linalg.norm(at[None] - x[:, None], axis=2), axis=1)
+        u, v = grid[0][k], grid[1][k]
+        for _ in range(20):
+            at, su, sv = tangents(nets[p], u, v)
+            gap = x - at
+            # Normal equations of the step; at a pole one tangent vanishes and its part with it.
+            uu, uv, vv = (np.einsum("rk,rk->r", a, b) for a, b in ((su, su), (su, sv), (sv, sv)))
+            gu, gv = np.einsum("rk,rk->r", su, gap), np.einsum("rk,rk->r", sv, gap)
+            uu, vv = uu + 1e-14 * (uu + vv), vv + 1e-14 * (uu + vv)
+            det = np.maximum(uu * vv - uv * uv, 1e-300)
+            u = np.clip(u + (vv * gu - uv * gv) / det, 0.0, 1.0)
+            v = np.clip(v + (uu * gv - uv * gu) / det, 0.0, 1.0)
+        at, _, _ = tangents(nets[p], u, v)
+        out[rows[np.linalg.norm(at - x, axis=1) <= 1e-9 * spheres[p, 3]]] = p
     return out
 
 
@@ -350,7 +359,7 @@ def _factors(
             hide=hide,
             most_cells=MOST_CELLS if hide else _PLAIN_CELLS,
         )
-    if len(surfaces.bulging) == 1 and surfaces.bulging[0]:  # nothing can hide anything
+    if len(surfaces.bulging) == 1 and surfaces.bulging[0]:  # nothing hides anything
         error = 0.1 * accuracy * plain.factors + ABSOLUTE
         low, high = np.maximum(plain.factors - error, 0.0), plain.factors + error
         return FormFactors(plain.factors, low, high, False, plain.counters)

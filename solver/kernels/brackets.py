@@ -52,6 +52,9 @@ _BUCKETS = 128
 #: Columns of the counters.
 SKIPPED, WHOLE, TRACED, VISITED, LEFT = range(5)
 _TOUCH = 1e-11
+#: A cell longer than this against its width is halved along its length: two shadow edges that cross
+#: it would have it halved into ever thinner strips.
+_STRETCH = 4.0
 #: What `_look` leaves in its ``found``: bracket, and direction to split in.
 _LOW, _HIGH, _SPLIT = range(3)
 
@@ -176,14 +179,13 @@ def _farthest(s, m, h, hu, hv):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _longer(s):
-    """0 where the cell is longer along u than along v in space, else 1."""
-    du = dv = 0.0
+def _lengths(s, out):
+    """Lengths of the cell along u and along v."""
+    out[0] = out[1] = 0.0
     for i in range(4):
         for k in range(3):
-            du += abs(s[3, i, k] / s[3, i, 3] - s[0, i, k] / s[0, i, 3])
-            dv += abs(s[i, 3, k] / s[i, 3, 3] - s[i, 0, k] / s[i, 0, 3])
-    return 0 if du >= dv else 1
+            out[0] += abs(s[3, i, k] / s[3, i, 3] - s[0, i, k] / s[0, i, 3])
+            out[1] += abs(s[i, 3, k] / s[i, 3, 3] - s[i, 0, k] / s[i, 0, 3])
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -365,7 +367,10 @@ def _look(
     planes, normal, frame = space[0:8], space[9], space[10:13]
     tri, normals, value = space[13:16], space[16:18], space[18]
     poly, other = space[20:36], space[36:52]
-    found[_LOW], found[_HIGH], found[_SPLIT] = 0.0, 0.0, float(_longer(s))
+    _lengths(s, value)
+    longer = 0.0 if value[0] >= value[1] else 1.0
+    stretched = max(value[0], value[1]) > _STRETCH * min(value[0], value[1])
+    found[_LOW], found[_HIGH], found[_SPLIT] = 0.0, 0.0, longer
     low, inner, high = heights(s, n)
     if high <= rounding:
         return 0
@@ -525,6 +530,8 @@ def _look(
             s, n, x, frame, points, spots, surfaces, pieces, mine, count, total, found, normals,
             tri, work, value,
         )  # fmt: skip
+        if stretched:
+            found[_SPLIT] = longer
     return count
 
 
