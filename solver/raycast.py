@@ -63,8 +63,9 @@ class RayCaster:
     def __init__(self, patches: PatchSet) -> None:
         from .kernels.bvh import build_tree
         from .kernels.ray_patch import classify_patches
+        from .topology import writable
 
-        nets = patches.control_points
+        nets = writable(patches.control_points)
         kinds = frozen(classify_patches(nets), np.int64)
         piece_patch, piece_box, boxes = _pieces(nets, kinds)
         if len(boxes):

@@ -252,6 +252,7 @@ def first_hit(
     patch = np.full(m, -1, dtype=np.int64)
     t, u, v = np.full(m, math.inf), np.full(m, math.nan), np.full(m, math.nan)
     facing, status = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
+    find_any = m < 0  # never; not a literal: it would compile the callees once more
     for group in nb.prange((m + _GROUP - 1) // _GROUP):
         stack = np.empty(STACK, dtype=np.int64)
         work = np.empty(WORK)
@@ -260,7 +261,7 @@ def first_hit(
                 bounds, links, piece_patch, piece_box, nets, kinds,
                 origins[r, 0], origins[r, 1], origins[r, 2],
                 directions[r, 0], directions[r, 1], directions[r, 2],
-                t_min, t_max, facing_filter, False, stack, work,
+                t_min, t_max, facing_filter, find_any, stack, work,
             )  # fmt: skip
             if found != MISS:
                 status[r], patch[r], t[r], u[r], v[r], facing[r] = found, p, distance, a, b, side
@@ -275,6 +276,7 @@ def any_hit(
     """Whether rays (m, 3) hit anything with t_min < t < t_max[ray]: (m,) bool."""
     m = origins.shape[0]
     hit = np.zeros(m, dtype=np.bool_)
+    find_any = m >= 0  # always, as above
     for group in nb.prange((m + _GROUP - 1) // _GROUP):
         stack = np.empty(STACK, dtype=np.int64)
         work = np.empty(WORK)
@@ -283,7 +285,7 @@ def any_hit(
                 bounds, links, piece_patch, piece_box, nets, kinds,
                 origins[r, 0], origins[r, 1], origins[r, 2],
                 directions[r, 0], directions[r, 1], directions[r, 2],
-                t_min, t_max[r], facing_filter, True, stack, work,
+                t_min, t_max[r], facing_filter, find_any, stack, work,
             )  # fmt: skip
             hit[r] = found != MISS
     return hit

@@ -22,6 +22,8 @@ def _containing_part(
     """
     for k in range(count):
         nearest[candidates[k]], facings[candidates[k]] = 1e300, 0
+    # Not literals: those would compile the callee once more.
+    facing_filter, find_any = count * 0, count < 0
     setup_ray(ox, oy, oz, dx, dy, dz, work)
     ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
     stack[0] = 0
@@ -46,8 +48,9 @@ def _containing_part(
             else:
                 box = piece_box[i]
                 status, t, _, _, facing = hit_general(
-                    nets[p], box[0], box[1], box[2], box[3], 0.0, nearest[part], 0, False, work
-                )
+                    nets[p], box[0], box[1], box[2], box[3], 0.0, nearest[part], facing_filter,
+                    find_any, work,
+                )  # fmt: skip
                 hit = status != MISS
             if hit:
                 nearest[part], facings[part] = t, facing

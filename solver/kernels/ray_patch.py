@@ -289,7 +289,9 @@ def ray_patch(net, kind, ox, oy, oz, dx, dy, dz, t_min, t_max, work):
             return MISS, t_max, 0.0, 0.0, 0
         u, v = quad_parameters(net, work)
         return HIT, t, u, v, facing
-    return hit_general(net, 0.0, 1.0, 0.0, 1.0, t_min, t_max, 0, False, work)
+    # Not literals: those would compile the callee once more.
+    facing_filter, find_any = kind * 0, kind < 0
+    return hit_general(net, 0.0, 1.0, 0.0, 1.0, t_min, t_max, facing_filter, find_any, work)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -303,6 +305,6 @@ def ray_patch_any(net, kind, ox, oy, oz, dx, dy, dz, t_min, t_max, facing_filter
         hit, _, facing = hit_quad(net, t_min, t_max, work)
         return HIT if hit and facing * facing_filter >= 0 else MISS
     status, _, _, _, _ = hit_general(
-        net, 0.0, 1.0, 0.0, 1.0, t_min, t_max, facing_filter, True, work
+        net, 0.0, 1.0, 0.0, 1.0, t_min, t_max, facing_filter, kind >= 0, work
     )
     return status

@@ -115,21 +115,31 @@ def _is_flat_quad(points, size):
         for i in range(4):
             for j in range(4):
                 tolerance = max(tolerance, 2 * EPS * abs(points[i, j, k]))
-    p, q = points[3, 3] - points[0, 0], points[0, 3] - points[3, 0]
+    # Number by number: array expressions compile to far more code.
+    p, q, center, r = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        p[k], q[k] = points[3, 3, k] - points[0, 0, k], points[0, 3, k] - points[3, 0, k]
+        center[k] = 0.25 * (points[0, 0, k] + points[3, 0, k] + points[3, 3, k] + points[0, 3, k])
     nx, ny, nz = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
     if not length > 0.0:
         return False
     nx, ny, nz = nx / length, ny / length, nz / length
-    center = 0.25 * (points[0, 0] + points[3, 0] + points[3, 3] + points[0, 3])
     flat = np.empty((4, 4, 2))
     # Coordinates in the plane along its longest diagonal.
-    r = p if np.sum(p * p) >= np.sum(q * q) else q
-    r = r / math.sqrt(np.sum(r * r))
+    pp = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+    qq = q[0] * q[0] + q[1] * q[1] + q[2] * q[2]
+    diagonal = math.sqrt(max(pp, qq))
+    for k in range(3):
+        r[k] = (p[k] if pp >= qq else q[k]) / diagonal
     sx, sy, sz = ny * r[2] - nz * r[1], nz * r[0] - nx * r[2], nx * r[1] - ny * r[0]
     for i in range(4):
         for j in range(4):
-            x, y, z = points[i, j] - center
+            x, y, z = (
+                points[i, j, 0] - center[0],
+                points[i, j, 1] - center[1],
+                points[i, j, 2] - center[2],
+            )
             if abs(nx * x + ny * y + nz * z) > tolerance:
                 return False
             flat[i, j, 0] = r[0] * x + r[1] * y + r[2] * z
@@ -155,7 +165,9 @@ def _is_flat_quad(points, size):
                 return False
     # Convex corners.
     ring = np.empty((4, 2))
-    ring[0], ring[1], ring[2], ring[3] = flat[0, 0], flat[3, 0], flat[3, 3], flat[0, 3]
+    for k in range(2):
+        ring[0, k], ring[1, k] = flat[0, 0, k], flat[3, 0, k]
+        ring[2, k], ring[3, k] = flat[3, 3, k], flat[0, 3, k]
     for k in range(4):
         a, b, c = ring[k], ring[(k + 1) % 4], ring[(k + 2) % 4]
         cross = (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
