@@ -39,6 +39,8 @@ ABSOLUTE = 1e-12
 _LEVELS = 14
 #: Cells that may bracket the silhouettes of a source whose hiding is ignored.
 _PLAIN_CELLS = 20_000
+#: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-4.
+_FEW_CELLS = 600
 #: Standard deviations of the sampled part that "auto" states as its error.
 _DEVIATIONS = 3.0
 
@@ -69,9 +71,10 @@ def point_form_factors(
         Largest |value − true| relative to the patch's own factor without any hiding, but never
         below 1e-12 absolute.
     visibility : "auto", "strict" or "none"
-        "auto" samples what is left of partly hidden cells and estimates the error; "strict" proves
-        its brackets, up to rounding; "none" ignores all hiding except that of back faces, and
-        brackets the quadrature, proved likewise.
+        "auto" brackets each pair as "strict" does as long as that takes few cells, samples partly
+        hidden cells of the rest and estimates the error; "strict" proves all brackets, up to
+        rounding; "none" ignores all hiding except that of back faces, and brackets the
+        quadrature, proved likewise.
     method : "default" or "nn93"
         "nn93" is the method of Nishita and Nakamae [1] as published, for comparison.
 
@@ -404,28 +407,31 @@ def _estimated(
     plain: Rows,
     accuracy: float,
 ) -> FormFactors:
-    """Cells of partly hidden patches quartered until what is sampled of them is small enough."""
+    """Brackets where they take few cells; elsewhere what is partly hidden is sampled in cells."""
+    from .strict import strict_form_factors
+
+    # The middle of a bracket is off by half of its width at most.
+    sure = strict_form_factors(
+        x, n, share, on, sources, surfaces, plain, 2.0 * accuracy, most_cells=_FEW_CELLS
+    )
+    value, low, high = sure.value.copy(), sure.low.copy(), sure.high.copy()
+    counters = dict(sure.counters)
+    wide = sure.width > np.maximum(2.0 * accuracy * plain.factors, 2.0 * ABSOLUTE)
     # Along an outline of a few patch lengths lie 2 … 4 sqrt(F/e) cells of factor e, each sampled
     # with a deviation of 0.2 e: the sum deviates by 0.4 e (F/e)^(1/4), and three times that is
     # to stay below accuracy F.
     relative = (accuracy / (3.0 * 0.4)) ** (4.0 / 3.0)
     eps = _digits(x, sources, accuracy)
-    value, variance = np.empty_like(plain.factors), np.empty_like(plain.factors)
-    counters: dict[str, int] = {}
-    for i in range(len(x)):
-        row = slice(i, i + 1)
-        own = sources._replace(cell_eps=np.maximum(relative * plain.factors[i], 0.01 * ABSOLUTE))
+    for i in np.flatnonzero(wide.any(axis=1)):
+        row, open_ = slice(i, i + 1), wide[i]
+        cells = np.where(open_, np.maximum(relative * plain.factors[i], 0.01 * ABSOLUTE), 1.0)
+        own = sources._replace(cell_eps=cells)
         found = _rows(x[row], n[row], share[row], on[row], own, surfaces, eps, trace=True)
-        value[i], variance[i] = found.factors[0], found.variances[0]
+        error = _DEVIATIONS * np.sqrt(found.variances[0]) + 0.1 * accuracy * plain.factors[i]
+        near = np.clip(found.factors[0], low[i], high[i])
+        value[i] = np.where(open_, near, value[i])
+        low[i] = np.where(open_, np.maximum(near - error - ABSOLUTE, low[i]), low[i])
+        high[i] = np.where(open_, np.minimum(near + error + ABSOLUTE, high[i]), high[i])
         for name, number in found.counters.items():
             counters[name] = counters.get(name, 0) + number
-    # Rounding and quadrature may put a factor above what it is without hiding.
-    value = np.minimum(value, plain.factors)
-    error = _DEVIATIONS * np.sqrt(variance) + 0.1 * accuracy * value + ABSOLUTE
-    return FormFactors(
-        value,
-        np.maximum(value - error, 0.0),
-        np.minimum(value + error, np.maximum(plain.factors, value)),
-        False,
-        counters,
-    )
+    return FormFactors(value, low, high, False, counters)

@@ -297,6 +297,7 @@ def _cut(
     for k in range(count):
         reach = max(reach, abs(points[k, 0]) + abs(points[k, 1]))
     best = 1e300
+    every = listed * 0 - 1  # not a literal: it would compile the callee once more
     low = high = nx = ny = 0.0
     for choice in range(2):
         ax, ay = -math.sin(angles[choice]), math.cos(angles[choice])
@@ -341,7 +342,7 @@ def _cut(
             normals[0, k] /= size
         if _farthest(s, normals[0], h, hu, hv) <= 1e-12:
             continue
-        status = _ray(surfaces, pieces, mine, listed, -1, x, h, work)
+        status = _ray(surfaces, pieces, mine, listed, every, x, h, work)
         if status < 0:
             continue
         sure_factor(s, normals[0], n, 0.0, value)
@@ -428,8 +429,8 @@ def _look(
     c, p, q = np.empty((4, 3)), np.empty(3), np.empty(3)
     stack = np.empty(256, dtype=np.int64)
     _make_frame(planes, frame)
-    count = 0
-    spots = 0  # points of the wedge; −1 when they cannot tell
+    count = parent_count * 0  # not a literal: it would compile the callees once more
+    spots = count  # points of the wedge; −1 when they cannot tell
     for m in range(parent_count):
         stack[0] = parent[m]
         top = 1
@@ -755,7 +756,7 @@ def bracket_rows(
             alone = surfaces.flags[row] & (PLANAR | CONVEX) != 0
             if surfaces.flags[row] & CONCAVE and pieces.state[row] != MIXED:
                 alone = True
-            k = 0
+            k = count * 0  # not a literal: it would compile the callees once more
             for b in range(count):
                 if hide and pieces.state[b] != NONE and not (alone and b == row):
                     roots[k] = b

@@ -380,7 +380,7 @@ def _blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
         ex, ey, ez = cx - along * dx, cy - along * dy, cz - along * dz
         if ex * ex + ey * ey + ez * ez > blockers.spheres[b, 3] ** 2:
             continue
-        facing = 1 if blockers.closed[b] else 0
+        facing = int(blockers.closed[b])  # not literals, which would compile the callee for each
         status = ray_patch_any(
             blockers.nets[b], blockers.kinds[b], x[0], x[1], x[2], dx, dy, dz, 1e-9, t_max,
             facing, work,
@@ -543,6 +543,7 @@ def visible_factor(
     depths, cone, edge = np.empty(2), np.empty(4), np.empty((4, 3))
     low_u, high_u = parts[12], parts[13]
     deepest = lists.shape[0] - 1
+    nothing = count0 * 0  # not a literal: it would compile the callees once more
     copy_net(s0, stack[0])
     depth[0] = 0
     top = 1
@@ -573,14 +574,14 @@ def visible_factor(
         if level > 0:
             parent_count = lists[level - 1, lists.shape[1] - 1]
         mine = lists[level]
-        count = 0
+        count = nothing
         if ok and not at_infinity:
             _cell_depths(cell, cone, depths)
             tolerance = 1e-9 * planes[5, 1]
         else:
             tolerance = 0.0
         dark = False
-        run_start, run_clean, run_solid, run_facing = 0, True, -1, 0
+        run_start, run_clean, run_solid, run_facing = nothing, True, -1, 0
         for m in range(parent_count + 1):
             b = parent[m] if m < parent_count else -1
             if ok and (b < 0 or blockers.solid[b] != run_solid):

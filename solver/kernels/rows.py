@@ -142,7 +142,7 @@ def trace_row(
         # Inside a convex cavity every wall faces every other.
         inside = own_patch >= 0 and blockers.hollow[solid] and blockers.solid[own_patch] == solid
         _view_cone(x, sources.group_spheres[g], cone)
-        count = 0
+        count = own_patch * 0  # not a literal: it would compile the callees once more
         for m in range(awake):
             if _apart(cone, views[m]):
                 continue
