@@ -80,8 +80,8 @@ class BatchItem:
         self.status, self.message = "interrupted", "the batch was ended before this file was done"
 
 
-def identity(path: Path) -> dict[str, Any]:
-    """What the result of a file depends on besides the settings."""
+def identity(path: Path, *, first_model: int = 0) -> dict[str, Any]:
+    """What the result of a file depends on besides the settings; a scene file with its models."""
     from .doctoring import version
 
     try:
@@ -89,7 +89,7 @@ def identity(path: Path) -> dict[str, Any]:
         if path.suffix.lower() == ".toml":
             from .scene_file import read_scene_file
 
-            models = read_scene_file(path).model
+            models = read_scene_file(path).model[first_model:]
             found["models"] = [file_hash(path.parent / table.file) for table in models]
         return found
     except (OSError, PatchlightError):

@@ -15,7 +15,7 @@ from patchlight.solver.errors import InputError, MissingFileError, PatchlightWar
 from patchlight.solver.numba_cache import use_cache_folder
 
 from .batch_items import BatchItem, identity, recall, remember
-from .output import file_hash, prepare_output
+from .output import prepare_output
 from .runs import STEP_SUFFIXES
 from .workers import Workers, termination_interrupts
 
@@ -111,7 +111,7 @@ def run_batch(
     if check:
         options.append("--check")
     if scene is not None:
-        settings["scene"] = file_hash(scene)
+        settings["scene"] = identity(scene, first_model=1)  # each file takes the first one's place
     items = [BatchItem(name, str(path), str(out / name)) for name, path in _names(files).items()]
     alive = Workers(timeout_s)
 
@@ -146,12 +146,12 @@ def _run_all(
     problem = ""
     pool = ThreadPoolExecutor(workers)
     try:
-        futures = [pool.submit(work, item) for item in items[:1]]
-        _, warm = use_cache_folder()
-        if not warm:
-            # Else every worker would compile the same kernels at the same time.
-            wait(futures)
-        futures += [pool.submit(work, item) for item in items[1:]]
+        futures = []
+        for item in items:
+            futures.append(pool.submit(work, item))
+            if not use_cache_folder()[1]:
+                # Else every worker would compile the same kernels at the same time.
+                wait(futures)
         for future in as_completed(futures):
             item = future.result()
             text = f": {item.message}" if item.message else ""

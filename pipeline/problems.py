@@ -28,8 +28,10 @@ class Problems:
         try:
             yield
         except PatchlightError as error:
-            self._errors.append(error)
+            before = len(self.lines)
             self.add([f"{key}: {error}" if key else str(error)])
+            if len(self.lines) > before:
+                self._errors.append(error)
 
     def add(self, lines: Iterable[str]) -> None:
         """Keep problems that were found otherwise; the same one counts once."""

@@ -13,6 +13,9 @@ from collections.abc import Iterator
 
 from .batch_items import BatchItem
 
+#: The operating system cannot wait longer at a time. [s]
+_LONGEST_S = 2.0e6
+
 
 class Workers:
     """Processes that are running, so that an interrupt takes them along.
@@ -47,7 +50,7 @@ class Workers:
             )
             self._running.add(process)
         try:
-            out, err = process.communicate(timeout=self.timeout_s)
+            out, err = process.communicate(timeout=min(self.timeout_s, _LONGEST_S))
             if self._stopped and process.returncode < 0:
                 item.interrupt()
             else:
@@ -58,6 +61,9 @@ class Workers:
             item.status = "timed out"
             item.message = f"not finished within {self.timeout_s:g} s"
         finally:
+            if process.poll() is None:
+                _end(process)
+                process.wait()
             with self._lock:
                 self._running.discard(process)
             item.seconds = time.perf_counter() - began

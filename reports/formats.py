@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ MISSING = "–"
 NEGLIGIBLE = 1e-6
 #: Thin, unbreakable: digit groups must not fall apart at the end of a line.
 _GROUP = "\u202f"
+_RAISED = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
+_PLAIN, _UP = str.maketrans(_RAISED, "-0123456789"), str.maketrans("-0123456789", _RAISED)
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -46,7 +49,7 @@ def scientific(value: float | None, digits: int = 2) -> str:
     if value == 0.0:
         return "0"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    power = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    power = str(int(exponent)).translate(_UP)
     return f"{mantissa.replace('-', '−')}·10{power}"
 
 
@@ -74,7 +77,8 @@ def with_error(value: float | None, error: float | None = None, *, digits: int =
 
 
 def console(text: str) -> str:
-    """Numbers of `number` and `with_error` for terminals: without digit groups, ASCII minus."""
+    """Numbers of `number` and `with_error` for terminals: no digit groups, nothing beyond ASCII."""
+    text = re.sub(f"·10([{_RAISED}]+)", lambda m: "e" + m[1].translate(_PLAIN), text)
     return text.replace(_GROUP, "").replace("−", "-")
 
 

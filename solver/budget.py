@@ -11,8 +11,7 @@ from .mesh import divisions
 from .model.arrays import IntArray
 from .model.scene import SceneData
 
-#: Elements beyond which the mesh is made coarser instead: the dense matrix and its
-#: variances take some 40 bytes a pair while rows are closed.
+#: Elements beyond which the mesh is made coarser instead: time and memory grow with the square.
 MAX_ELEMENTS = 4000
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
 NODES = 2

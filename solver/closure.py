@@ -20,7 +20,12 @@ _BLOCK = 256
 
 
 def rows_beyond_noise(
-    rows: Rows, totals: FloatArray | float, *, eps: float, outside: bool = False
+    rows: Rows,
+    totals: FloatArray | float,
+    *,
+    eps: float,
+    outside: bool = False,
+    spread: FloatArray | float = 0.0,
 ) -> IntArray:
     """Rows whose sum misses ``totals`` (m,) by more than they say, the worst first.
 
@@ -34,9 +39,11 @@ def rows_beyond_noise(
         Relative error of what was not sampled.
     outside : bool
         Whether sky and ground, as the meridians saw them, count among the elements.
+    spread : (m,) array or float
+        Variance of ``totals``.
     """
     sums = rows.factors.sum(axis=1)
-    variance = rows.variances.sum(axis=1, dtype=np.float64)
+    variance = rows.variances.sum(axis=1, dtype=np.float64) + spread
     if outside:
         sums += rows.outside[:, 1:3].sum(axis=1)
         variance += _outside_variances(rows).sum(axis=1)
@@ -46,7 +53,12 @@ def rows_beyond_noise(
 
 
 def close_rows(
-    rows: Rows, totals: FloatArray | float, *, eps: float = 0.0, outside: bool = False
+    rows: Rows,
+    totals: FloatArray | float,
+    *,
+    eps: float = 0.0,
+    outside: bool = False,
+    spread: FloatArray | float = 0.0,
 ) -> int:
     """Correct each row, in place, so that it sums to ``totals`` (m,); returns how many it did.
 
@@ -54,26 +66,33 @@ def close_rows(
     Σ δ_j = defect, is δ_j = defect σ_j² / Σ σ². What was sampled has the deviation it states, all
     else the relative error ``eps``. Where the defect is more than four standard deviations, the
     deviations were wrong and are raised until it is four. Variances become those that are left.
+    ``totals`` take their share of the defect by their variance ``spread`` (m,).
     """
     totals = np.broadcast_to(totals, len(rows.factors))
+    spread = np.broadcast_to(spread, len(rows.factors))
     count = 0
     for start in range(0, len(totals), _BLOCK):
         part = slice(start, start + _BLOCK)
         some = Rows(rows.factors[part], rows.variances[part], {}, rows.outside[part])
-        count += _close_block(some, totals[part], eps, outside)
+        count += _close_block(some, totals[part], spread[part], eps, outside)
     return count
 
 
-def _close_block(rows: Rows, totals: FloatArray, eps: float, outside: bool) -> int:
+def _close_block(
+    rows: Rows, totals: FloatArray, spread: FloatArray, eps: float, outside: bool
+) -> int:
     values, sampled = _columns(rows, outside)
     variances = sampled + (eps * values) ** 2
-    total = variances.sum(axis=1)
+    own = variances.sum(axis=1)
+    total = own + spread
     defect = totals - values.sum(axis=1)
-    ours = (total > 0.0) & (defect != 0.0)
+    ours = (own > 0.0) & (defect != 0.0)
     safe = np.where(ours, total, 1.0)
     raised = np.where(ours, np.maximum(defect**2 / (BEYOND**2 * safe), 1.0), 1.0)
-    left = sampled * raised[:, None]
+    left = np.where(raised[:, None] > 1.0, variances, sampled) * raised[:, None]
     left[ours] *= 1.0 - variances[ours] / total[ours, None]
+    totals = totals - np.where(ours, defect * spread / safe, 0.0)
+    defect = totals - values.sum(axis=1)
     free = variances
     for _ in range(_PASSES):
         room = free.sum(axis=1)

@@ -37,8 +37,8 @@ class DomeLight:
         Mean over the receiver's nodes. [lx]
     deviation : (m,) array
         Standard deviation of its sampled part. [lx]
-    factor : (m,) array
-        Form factor of the part of the source that is seen.
+    factor, factor_variance : (m,) array
+        Form factor of the part of the source that is seen, and its variance.
     counters : dict
         Cells traced and pyramid cells visited.
     """
@@ -46,6 +46,7 @@ class DomeLight:
     illuminance: FloatArray
     deviation: FloatArray
     factor: FloatArray
+    factor_variance: FloatArray
     counters: dict[str, int]
 
 
@@ -156,9 +157,12 @@ def gather(
         bad = int(np.argwhere(~np.isfinite(out))[0][0])
         raise NumericsError(f"light from infinity at receiver {bad}: not finite")
     total = counters.sum(axis=0)
+    # What is sampled is the light; its factor is taken to vary as it does.
+    scale = out[:, 2] / np.where(out[:, 0] > 0.0, out[:, 0], np.inf)
     return DomeLight(
         illuminance=math.pi * level * out[:, 0],
         deviation=math.pi * level * np.sqrt(out[:, 1]),
         factor=out[:, 2],
+        factor_variance=out[:, 1] * scale**2,
         counters={"dome_cells_traced": int(total[0]), "pyramid_cells": int(total[1])},
     )

@@ -176,7 +176,8 @@ def form_factor_matrix(
     factors, variances = np.zeros((m, n)), np.zeros((m, n), dtype=np.float32)
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
     outside = np.zeros((m, 5))
-    tone = np.zeros(10) if sky is None else sky_tone(sky)
+    # Without a sky its form factor is still asked for: one of 1 cd/m² all over tells its variance.
+    tone = sky_tone(CIESky(5, diffuse_illuminance_lx=np.pi) if sky is None else sky)
     own = np.full(m, -1) if own is None else own
     lifts = np.zeros(m) if lifts is None else lifts
     for start in range(0, m, ROWS_PER_BLOCK):

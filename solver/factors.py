@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
+from .memory import check_matrix
 from .model.arrays import FloatArray, IntArray, check_finite, check_shape
 from .model.bezier import tangents
 from .model.elements import Elements
@@ -39,8 +40,12 @@ ABSOLUTE = 1e-12
 _LEVELS = 14
 #: Cells that may bracket the silhouettes of a source whose hiding is ignored.
 _PLAIN_CELLS = 20_000
-#: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-4.
-_FEW_CELLS = 600
+#: What stands in memory at the same time, in matrices of factors and variances.
+_COPIES = 6
+#: Points at a time that are looked for on a patch.
+_POINTS = 4096
+#: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-5.
+_FEW_CELLS = 2000
 #: Standard deviations of the sampled part that "auto" states as its error.
 _DEVIATIONS = 3.0
 
@@ -89,6 +94,8 @@ def point_form_factors(
         If a shape, value or option cannot be used.
     NumericsError
         If a form factor is not finite.
+    OutOfMemoryError
+        If the factors do not fit into the memory that is free.
 
     References
     ----------
@@ -132,7 +139,7 @@ def form_factors(
 
     Raises
     ------
-    InputError, GeometryError, NumericsError
+    InputError, GeometryError, NumericsError, OutOfMemoryError
         As `point_form_factors`; `GeometryError` if a patch has no area.
     """
     _check_options(accuracy, visibility)
@@ -236,8 +243,8 @@ def connected(adjacent: IntArray) -> IntArray:
     return label
 
 
-def _surfaces(nets: FloatArray) -> Blockers:
-    """Surfaces that hide from both sides, each connected sheet for itself.
+def _surfaces(nets: FloatArray, place: IntArray) -> Blockers:
+    """Surfaces that hide from both sides, each connected sheet for itself; ``place``: of sources.
 
     A point is seen from before its tangent plane only, since only the + side of a source gives
     light: where all of a sheet lies behind all its tangent planes, closed or not, it hides nothing
@@ -252,7 +259,10 @@ def _surfaces(nets: FloatArray) -> Blockers:
     bulging, hollow = convexity(nets, surfaces.flags, sheet, np.ones(len(nets), bool), count)
     whole = np.ones(count, bool)
     np.logical_and.at(whole, sheet, watertight(nets, adjacent))
-    return surfaces._replace(bulging=bulging, hollow=hollow & whole)
+    # A surface that gives light from both sides bulges on one only.
+    twice = np.zeros(count, bool)
+    np.logical_or.at(twice, sheet, np.bincount(place, minlength=len(nets)) > 1)
+    return surfaces._replace(bulging=bulging & ~twice, hollow=hollow & whole & ~twice)
 
 
 def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntArray:
@@ -271,24 +281,31 @@ def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntA
         near = np.linalg.norm(points - spheres[p, :3], axis=1) <= spheres[p, 3]
         if not near.any():
             continue
-        rows = np.flatnonzero(near & (out < 0))
-        x = points[rows]
         at, _, _ = tangents(nets[p], *grid)
-        k = np.argmin(np.linalg.norm(at[None] - x[:, None], axis=2), axis=1)
-        u, v = grid[0][k], grid[1][k]
-        for _ in range(20):
-            at, su, sv = tangents(nets[p], u, v)
-            gap = x - at
-            # Normal equations of the step; at a pole one tangent vanishes and its part with it.
-            uu, uv, vv = (np.einsum("rk,rk->r", a, b) for a, b in ((su, su), (su, sv), (sv, sv)))
-            gu, gv = np.einsum("rk,rk->r", su, gap), np.einsum("rk,rk->r", sv, gap)
-            uu, vv = uu + 1e-14 * (uu + vv), vv + 1e-14 * (uu + vv)
-            det = np.maximum(uu * vv - uv * uv, 1e-300)
-            u = np.clip(u + (vv * gu - uv * gv) / det, 0.0, 1.0)
-            v = np.clip(v + (uu * gv - uv * gu) / det, 0.0, 1.0)
-        at, _, _ = tangents(nets[p], u, v)
-        out[rows[np.linalg.norm(at - x, axis=1) <= 1e-9 * spheres[p, 3]]] = p
+        rows = np.flatnonzero(near & (out < 0))
+        for some in np.array_split(rows, -(-len(rows) // _POINTS)):
+            out[some[_lie_on(points[some], nets[p], at, grid, 1e-9 * spheres[p, 3])]] = p
     return out
+
+
+def _lie_on(
+    x: FloatArray, net: FloatArray, start: FloatArray, grid: list[FloatArray], tolerance: float
+) -> IntArray:
+    """Which points (m,) lie on a patch; ``start`` are its points at the parameters ``grid``."""
+    k = np.argmin(np.linalg.norm(start[None] - x[:, None], axis=2), axis=1)
+    u, v = grid[0][k], grid[1][k]
+    for _ in range(20):
+        at, su, sv = tangents(net, u, v)
+        gap = x - at
+        # Normal equations of the step; at a pole one tangent vanishes and its part with it.
+        uu, uv, vv = (np.einsum("rk,rk->r", a, b) for a, b in ((su, su), (su, sv), (sv, sv)))
+        gu, gv = np.einsum("rk,rk->r", su, gap), np.einsum("rk,rk->r", sv, gap)
+        uu, vv = uu + 1e-14 * (uu + vv), vv + 1e-14 * (uu + vv)
+        det = np.maximum(uu * vv - uv * uv, 1e-300)
+        u = np.clip(u + (vv * gu - uv * gv) / det, 0.0, 1.0)
+        v = np.clip(v + (uu * gv - uv * gu) / det, 0.0, 1.0)
+    at, _, _ = tangents(net, u, v)
+    return np.asarray(np.linalg.norm(at - x, axis=1) <= tolerance)
 
 
 def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources:
@@ -337,7 +354,8 @@ def _factors(
     if m == 0 or count == 0:
         empty = np.zeros((m, count))
         return FormFactors(empty, empty, empty, visibility != "auto")
-    surfaces = _surfaces(nets)
+    check_matrix(m, count, copies=_COPIES)
+    surfaces = _surfaces(nets, place)
     if on is None:
         on = patches_under(x, nets, shape_flags(nets))
     share = np.ones((m, 1))
@@ -392,8 +410,10 @@ def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
 
     It allows 0.05 eps / (r/d)²; here every patch is to have ``accuracy`` of its own factor.
     """
-    distance = np.linalg.norm(x[:, None] - sources.spheres[None, :, :3], axis=2)
-    smallest = float((sources.spheres[:, 3] / np.maximum(distance, 1e-300)).min())
+    smallest = np.inf
+    for *center, radius in sources.spheres:
+        distance = float(np.linalg.norm(x - center, axis=1).max())
+        smallest = min(smallest, radius / max(distance, 1e-300))
     return float(max(0.1 * accuracy * min(1.0, 20.0 * smallest**2), 1e-13))
 
 
@@ -428,10 +448,12 @@ def _estimated(
         own = sources._replace(cell_eps=cells)
         found = _rows(x[row], n[row], share[row], on[row], own, surfaces, eps, trace=True)
         error = _DEVIATIONS * np.sqrt(found.variances[0]) + 0.1 * accuracy * plain.factors[i]
-        near = np.clip(found.factors[0], low[i], high[i])
-        value[i] = np.where(open_, near, value[i])
-        low[i] = np.where(open_, np.maximum(near - error - ABSOLUTE, low[i]), low[i])
-        high[i] = np.where(open_, np.minimum(near + error + ABSOLUTE, high[i]), high[i])
+        least = np.maximum(found.factors[0] - error - ABSOLUTE, low[i])
+        most = np.minimum(found.factors[0] + error + ABSOLUTE, high[i])
+        # Where the sample contradicts the proof, the proof stays.
+        open_ &= least <= most
+        value[i] = np.where(open_, np.clip(found.factors[0], low[i], high[i]), value[i])
+        low[i], high[i] = np.where(open_, least, low[i]), np.where(open_, most, high[i])
         for name, number in found.counters.items():
             counters[name] = counters.get(name, 0) + number
     return FormFactors(value, low, high, False, counters)

@@ -43,7 +43,8 @@ class Light:
 
     direct: dict[str, FloatArray]
     variance: FloatArray
-    outside: FloatArray  # (m,) form factor of sky and ground together
+    outside: FloatArray  # (m,) form factor of sky and ground together, and its variance
+    outside_variance: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,10 +144,9 @@ class FieldSolver:
         with self.stages.run(name or "form factors") as tell:
             asked = Ask(budget, receivers, sources, lifts)
             rows = self._factors.rows(asked, tell)
-            row_sums = rows.factors.sum(axis=1)
             sees_out = self._sees_out(rows, surfaces.areas > 0.0)
-            self._factors.close(rows, 1.0, asked, outside=sees_out)
-        light = Light({}, np.zeros(len(elements)), np.zeros(len(elements)))
+            row_sums = self._factors.close(rows, 1.0, asked, outside=sees_out)
+        light = Light({}, *np.zeros((3, len(elements))))
         scanned = rows.outside if self.trace else None
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
         self._add_lamps(light, rows, surfaces)
@@ -169,10 +169,11 @@ class FieldSolver:
         with self.stages.run("sensors") as tell:
             asked = Ask(budget, receivers, fine, share=FINE_SHARE)
             rows = self._factors.rows(asked, tell)
-        light = Light({}, np.zeros(len(grid)), np.zeros(len(grid)))
+        light = Light({}, *np.zeros((3, len(grid))))
         self._add_dome(light, receivers, budget, field.sees_out, None)
         if not field.sees_out or {"sky", "ground"} <= set(light.direct):
-            self._factors.close(rows, 1.0 - light.outside, asked)
+            totals = 1.0 - light.outside
+            self._factors.close(rows, totals, asked, spread=light.outside_variance)
         self._add_lamps(light, rows, field.surfaces)
         return self._gathered(light, rows, field.surfaces, field.reflected)
 
@@ -191,7 +192,9 @@ class FieldSolver:
             components[f"{group}.direct"] = direct
             components[f"{group}.indirect"] = rows.factors @ reflected[group]
             exitance += reflected[group]
-        sampled = rows.variances @ luminous(exitance) ** 2 + light.variance
+        # In the type of the variances: otherwise they would be copied.
+        weight = (luminous(exitance) ** 2).astype(rows.variances.dtype)
+        sampled = (rows.variances @ weight).astype(np.float64) + light.variance
         return Gathered(components, np.sqrt(sampled))
 
     def _elements(self, budget: Budget) -> Elements:
@@ -236,8 +239,8 @@ class FieldSolver:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
         if self.in_cavity:
             return False
-        missing = 1.0 - rows.factors[lit].sum(axis=1)
-        noise = 3.0 * np.sqrt(rows.variances[lit].sum(axis=1, dtype=np.float64)) + 1e-4
+        missing = 1.0 - rows.factors.sum(axis=1)[lit]
+        noise = 3.0 * np.sqrt(rows.variances.sum(axis=1, dtype=np.float64)[lit]) + 1e-4
         leaves = missing > noise
         if self.trace:
             # What the meridians met is known besides: a row that meets something on all of them
@@ -291,7 +294,6 @@ class FieldSolver:
                 brightness = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)
                 light.direct[name] = brightness * scanned[:, column, None] * color
                 light.variance += brightness**2 * scanned[:, spread]
-                light.outside += scanned[:, 1 if name == "sky" else 2]
                 continue
             with stages.run(stage or name) as tell:
                 found = gather(
@@ -311,3 +313,4 @@ class FieldSolver:
             light.variance += found.deviation**2
             if name != "sun":
                 light.outside += found.factor
+                light.outside_variance += found.factor_variance

@@ -8,20 +8,20 @@ from pathlib import Path
 
 from .errors import OutOfMemoryError
 
-#: Bytes that a pair of receiver and element takes at the worst moment, while sampled rows are
-#: corrected: factors before and after (8 each), variances (4 before), and two arrays in between
-#: (8 each), measured as 36.
-PAIR_BYTES = 40
+#: Bytes that a pair of receiver and element takes at the worst moment, while rows are corrected:
+#: factors (8) and variances (4), a quarter of both once more for rows that are found anew (3), and
+#: what is in between for some rows at a time (6 with 2500 elements, measured; less with more).
+PAIR_BYTES = 21
 #: Bytes of a pair once it is known: factors, and the variances of sampled ones.
 ROW_BYTES = 12
-#: Bytes of a pair of the matrix that stays while a finer mesh or the sensors are done.
+#: Bytes of a pair of the matrix that stays while the sensors are done.
 KEPT_BYTES = 8
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
 SMALL_MATRIX = 1_000_000
 GB = 1e9
 
 
-def needed_bytes(elements: int, largest_grid: int = 0, *, kept_elements: int = 0) -> int:
+def needed_bytes(elements: int, largest_grid: int = 0) -> int:
     """Memory that a mesh takes at the worst moment. [B]
 
     Parameters
@@ -30,12 +30,10 @@ def needed_bytes(elements: int, largest_grid: int = 0, *, kept_elements: int = 0
         Elements of the mesh, all of which see one another.
     largest_grid : int
         Sensors of the largest grid; they are done after the elements, while the matrix stays.
-    kept_elements : int
-        Elements of a coarser mesh whose matrix stays meanwhile.
     """
     mesh = PAIR_BYTES * elements**2
     sensors = PAIR_BYTES * elements * largest_grid + KEPT_BYTES * elements**2
-    return max(mesh, sensors) + KEPT_BYTES * kept_elements**2
+    return max(mesh, sensors)
 
 
 def check_memory(
@@ -69,11 +67,11 @@ def check_memory(
     )
 
 
-def check_matrix(rows: int, columns: int) -> None:
+def check_matrix(rows: int, columns: int, *, copies: int = 1) -> None:
     """Raise `OutOfMemoryError` where form factors of ``rows`` by ``columns`` cannot fit."""
     if rows * columns < SMALL_MATRIX:
         return
-    free, need = available_bytes(), ROW_BYTES * rows * columns
+    free, need = available_bytes(), copies * ROW_BYTES * rows * columns
     if free is not None and need > free:
         raise OutOfMemoryError(
             f"{rows} x {columns} form factors need {need / GB:.1f} GB of memory, but only "
@@ -81,10 +79,10 @@ def check_matrix(rows: int, columns: int) -> None:
         )
 
 
-def fits(elements: int, largest_grid: int = 0, *, kept_elements: int = 0) -> bool:
+def fits(elements: int, largest_grid: int = 0) -> bool:
     """Whether a mesh can be made; see `needed_bytes`."""
     free = available_bytes()
-    need = needed_bytes(elements, largest_grid, kept_elements=kept_elements)
+    need = needed_bytes(elements, largest_grid)
     return free is None or need <= free
 
 

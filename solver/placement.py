@@ -44,19 +44,22 @@ def check_placement(scene: SceneData) -> tuple[str, ...]:
     lines += _outside_model(scene, 1e-9 * float(np.linalg.norm(high - low)))
     air = Volumes.of_air(scene)
     if air is not None:
-        lines += _grids_outside(scene, air) + _lamps_outside(scene, air, distance)
+        lines += _grids_outside(scene, air, distance) + _lamps_outside(scene, air, distance)
     return tuple(lines)
 
 
 def _outside_model(scene: SceneData, slack: float) -> list[str]:
     """Grids that lie wholly on one side of the model, as one whose height is in millimetres."""
     low, high = scene.patches.bounds()
+    closed = bool(scene.closed.any())
     lines = []
     for grid in scene.sensors:
         for axis, name in ((2, "z"), (0, "x"), (1, "y")):
             at = grid.points[:, axis]
-            over = bool((at > high[axis] + slack).all())
-            if over or bool((at < low[axis] - slack).all()):
+            # What stands free over open ground is wrong only where it is far away.
+            away = slack if axis < 2 or closed else float((high - low).max())
+            over = bool((at > high[axis] + away).all())
+            if over or bool((at < low[axis] - away).all()):
                 side = {(2, True): "above", (2, False): "below"}.get((axis, over), "beside")
                 nearest, end = (at.min(), high) if over else (at.max(), low)
                 lines.append(
@@ -67,10 +70,11 @@ def _outside_model(scene: SceneData, slack: float) -> list[str]:
     return lines
 
 
-def _grids_outside(scene: SceneData, air: Volumes) -> list[str]:
+def _grids_outside(scene: SceneData, air: Volumes, distance: float) -> list[str]:
     lines = []
     for grid in scene.sensors:
-        outside = np.flatnonzero(air.parts_at(grid.points) < 0)
+        # A point on a wall belongs to what it looks into.
+        outside = np.flatnonzero(air.parts_at(grid.points + distance * grid.normals) < 0)
         if outside.size:
             lines.append(
                 f"sensors {grid.name!r}: {outside.size} of {len(grid)} points lie outside the air "
@@ -95,7 +99,7 @@ def _lamps_outside(scene: SceneData, air: Volumes, distance: float) -> list[str]
         outside = (air.parts_at(x.reshape(-1, 3)) < 0).reshape(len(rows), -1).mean(axis=1)
         share = float(outside @ areas[rows] / max(float(areas[rows].sum()), 1e-300))
         if share > 0.0:
-            amount = "all" if share == 1.0 else f"about {100.0 * share:.0f} %"
+            amount = "all" if outside.min() == 1.0 else f"about {100.0 * share:.0f} %"
             lines.append(
                 f"lamp {luminaire.part!r}: {amount} of its emitting faces lies outside the air "
                 f"{_air_names(scene)} or against its walls; that share of its "

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from .budget import Budget
 from .closure import close_rows, rows_beyond_noise
@@ -102,18 +105,26 @@ class RowFinder:
         return rows
 
     def close(
-        self, rows: Rows, totals: FloatArray | float, ask: Ask, *, outside: bool = False
-    ) -> None:
+        self,
+        rows: Rows,
+        totals: FloatArray | float,
+        ask: Ask,
+        *,
+        outside: bool = False,
+        spread: FloatArray | float = 0.0,
+    ) -> FloatArray:
         """Correct ``rows``, in place, by what all directions together must give: ``totals`` (m,).
 
         Rows that miss it by more than they say are found anew first. With ``outside``, sky and
-        ground as the meridians saw them count among the elements.
+        ground as the meridians saw them count among the elements; ``spread`` (m,) is the variance
+        of ``totals``. Returns the sums of the rows before the correction.
         """
         if not self._sums_known or "visibility" in self.stages.skipped:
-            return
+            return np.asarray(rows.factors.sum(axis=1))
         eps = ask.budget.eps * ask.share
+        known: dict[str, Any] = {"eps": eps, "outside": outside, "spread": spread}
         for level in range(1, LEVELS + 1):
-            found = rows_beyond_noise(rows, totals, eps=eps, outside=outside)
+            found = rows_beyond_noise(rows, totals, **known)
             found = found[: -(-len(rows.factors) // FINER**level)]
             if not len(found):
                 break
@@ -121,6 +132,14 @@ class RowFinder:
             rows.factors[found], rows.variances[found] = new.factors, new.variances
             rows.outside[found] = new.outside
             self.stages.count({"rows_redone": len(found)})
-        wrong = rows_beyond_noise(rows, totals, eps=eps, outside=outside)
-        count = close_rows(rows, totals, eps=eps, outside=outside)
+        wrong = rows_beyond_noise(rows, totals, **known)
+        sums = rows.factors.sum(axis=1)
+        count = close_rows(rows, totals, **known)
         self.stages.count({"rows_closed": count, "rows_beyond_noise": len(wrong)})
+        change = np.abs(rows.factors.sum(axis=1) - sums)[wrong]
+        if len(wrong) and change.max() > ask.budget.accuracy:
+            self.stages.warnings.append(
+                f"{len(wrong)} rows of form factors were wrong by up to {change.max():.1%}, more "
+                "than their sampling explains; they were scaled to sum to what they must"
+            )
+        return np.asarray(sums)

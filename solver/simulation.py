@@ -121,7 +121,7 @@ class _Simulation:
                 or not self._converged(self._sensors(grids, {}))
             ):
                 break  # it is good enough, too large, or not for the mesh that it is not
-            if not fits(finer.elements, self.largest_grid, kept_elements=self.budget.elements):
+            if not fits(finer.elements, self.largest_grid):
                 stages.warnings.append(
                     f"the mesh was not made finer than {self.budget.elements} elements: the memory "
                     f"that is free does not hold {finer.elements}"

@@ -72,6 +72,7 @@ def strict_form_factors(
         writable(n * share),
         writable(on, np.int64),
         sources.nets,
+        sources.flags,
         writable(sources.group[:, 2], np.int64),
         tangents,
         centers,

@@ -696,8 +696,8 @@ def bracket_pair(
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
 def bracket_rows(
-    nodes, normals, on, nets, place, tangents, centers, goals, surfaces, sheets, hide, most,
-    low, high, counters,
+    nodes, normals, on, nets, flags, place, tangents, centers, goals, surfaces, sheets, hide,
+    most, low, high, counters,
 ):  # fmt: skip
     """Brackets of the form factors from m points to n sources.
 
@@ -707,8 +707,8 @@ def bracket_rows(
         Receivers [m] and unit normals; a receiver with normal 0 gets no light.
     on : (m,) int array
         Surface each receiver lies on, −1 for none.
-    nets : (n, 4, 4, 4) array
-        Sources.
+    nets, flags : (n, 4, 4, 4), (n,) array
+        Sources, and their shapes from `topology.shape_flags`.
     place : (n,) int array
         Surface each source is.
     tangents, centers : (n, 9, 9, 4), (n, 3) array
@@ -753,8 +753,8 @@ def bracket_rows(
                 counters[i, SKIPPED] += 1
                 continue
             # A bulging patch does not hide its front, nor does a hollow one seen from its front.
-            alone = surfaces.flags[row] & (PLANAR | CONVEX) != 0
-            if surfaces.flags[row] & CONCAVE and pieces.state[row] != MIXED:
+            alone = flags[j] & (PLANAR | CONVEX) != 0
+            if flags[j] & CONCAVE and pieces.state[row] != MIXED:
                 alone = True
             k = count * 0  # not a literal: it would compile the callees once more
             for b in range(count):

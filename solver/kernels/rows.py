@@ -153,7 +153,7 @@ def trace_row(
                 or (flags & CONCAVE and state[b] != MIXED)
             ):
                 continue  # seen from one side throughout, a patch does not hide itself
-            if blockers.solid[b] == solid and (blockers.bulging[solid] or blockers.hollow[solid]):
+            if blockers.solid[b] == solid and (blockers.bulging[solid] or inside):
                 continue
             listed[count] = m
             count += 1

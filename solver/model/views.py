@@ -43,6 +43,8 @@ class Sensors:
         if normals.shape == (3,):
             normals = np.broadcast_to(normals, points.shape)
         check_shape(f"sensors {self.name!r}: points", points, (None, 3))
+        if not len(points):
+            raise InputError(f"sensors {self.name!r}: no points, there must be at least one")
         check_shape(f"sensors {self.name!r}: normals", normals, (len(points), 3))
         check_finite(f"sensors {self.name!r}: points", points)
         check_finite(f"sensors {self.name!r}: normals", normals)

@@ -377,6 +377,40 @@ def test_a_receiver_inside_a_curve_is_hidden_by_what_it_lies_on(inward):
     holds(strict(lamp, quarter, inside, inwards, accuracy=0.5), 0.0)
 
 
+@pytest.mark.parametrize("visibility", ["auto", "strict"])
+def test_the_near_wall_of_a_cavity_hides_its_inside_from_without(visibility):
+    """A closed sheet that faces inwards is hollow only for receivers on it."""
+    wall = PatchSet.sphere((0, 0, 0), 1.0, inward=True)
+    seen = wall.take([0])
+    found = point_form_factors((3, 0.1, 0.2), (-1, 0, 0), seen, wall, visibility=visibility)
+    free = plain(seen, (3, 0.1, 0.2), (-1, 0, 0))
+    assert free > 1e-3
+    # The outlines of the near and of the far wall are one: what is sampled there is 1e-3 of all.
+    assert found.value[0, 0] <= 2e-3 * free and found.low[0, 0] <= 1e-9
+
+
+def test_a_sheet_that_shines_from_both_sides():
+    """It bulges on one side only: on the other it hides part of its own light."""
+    tube = PatchSet.cylinder((0, 0, 0), (0, 0, 1), 1.0)
+    corners = tube.control_points[:, ::3, ::3, :2] / tube.control_points[:, ::3, ::3, 3:]
+    quarter = tube.take(np.flatnonzero((corners > -1e-9).all(axis=(1, 2, 3))))
+    both = PatchSet.concatenated(quarter, quarter.flipped())
+    # From within, where a single hollow patch hides nothing of itself.
+    c, s = math.cos(0.4), math.sin(0.4)
+    inside = point_form_factors((c, s, 0.5), (-c, -s, 0), both)
+    expected = plain(quarter.flipped(), (c, s, 0.5), (-c, -s, 0))[0, 0]
+    assert expected > 0.05
+    np.testing.assert_allclose(inside.value, [[0.0, expected]], atol=1e-4 * expected)
+    # From without, where its outer side hides most of the inner one.
+    point, normal = (-0.3, -1.3, 0.5), (1.0, 0.7, 0.0)
+    alone = strict(quarter.flipped(), None, point, normal)
+    for visibility in ("auto", "strict"):
+        found = point_form_factors(point, normal, both, visibility=visibility)
+        assert found.low[0, 1] - 1e-9 <= alone.high[0, 0]
+        assert found.high[0, 1] + 1e-9 >= alone.low[0, 0]
+        np.testing.assert_allclose(found.value[0, 1], alone.value[0, 0], atol=1e-4)
+
+
 # --- closed forms not in test_closed_forms.py
 
 

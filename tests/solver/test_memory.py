@@ -7,8 +7,9 @@ import tracemalloc
 import numpy as np
 import pytest
 from patchlight.solver import memory
+from patchlight.solver.closure import close_rows
 from patchlight.solver.errors import OutOfMemoryError, PatchlightError
-from patchlight.solver.exchange import Rows, close_rows, form_factor_matrix
+from patchlight.solver.exchange import Rows, form_factor_matrix
 from patchlight.solver.memory import available_bytes, check_matrix, check_memory, fits, needed_bytes
 from patchlight.solver.model import PatchSet
 from patchlight.solver.simulation import solve
@@ -93,8 +94,8 @@ def test_a_group_beyond_its_limit_has_nothing(tmp_path):
 
 
 def test_what_a_pair_takes_is_what_the_code_takes():
-    """Rows are corrected all at once: the worst moment of a run."""
-    n = 700
+    """Rows are corrected some at a time: the worst moment of a run."""
+    n = 2500
     tracemalloc.start()
     try:
         factors = np.full((n, n), 1.001 / n)
@@ -102,28 +103,28 @@ def test_what_a_pair_takes_is_what_the_code_takes():
         del factors
         kept = tracemalloc.get_traced_memory()[0]
         tracemalloc.reset_peak()
-        assert close_rows(rows, 1.0)[1] == n
+        assert close_rows(rows, 1.0) == n
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert kept / n**2 == pytest.approx(memory.ROW_BYTES, abs=0.5)  # vectors of n are the rest
-    assert 0.6 * memory.PAIR_BYTES < peak / n**2 <= memory.PAIR_BYTES
+    # A quarter of the rows may be there twice, found anew.
+    assert 0.8 * memory.PAIR_BYTES < peak / n**2 + 0.25 * memory.ROW_BYTES <= memory.PAIR_BYTES
 
 
 def test_need_counts_elements_sensors_and_what_is_kept():
-    assert needed_bytes(1000) == 40 * MB
-    assert needed_bytes(1000, 500) == 40 * MB
-    assert needed_bytes(1000, 2000) == 80 * MB + 8 * MB
-    assert needed_bytes(1000, kept_elements=500) == 42 * MB
+    assert needed_bytes(1000) == 21 * MB
+    assert needed_bytes(1000, 500) == 21 * MB
+    assert needed_bytes(1000, 2000) == 42 * MB + 8 * MB
 
 
 def test_a_mesh_that_does_not_fit_is_refused_with_advice(free):
     free(4 * 10**9)
-    check_memory(10_000)
+    check_memory(13_000)
     with pytest.raises(OutOfMemoryError) as error:
         check_memory(20_000, least_elements=5_000, accuracy=0.01)
     message = str(error.value)
-    assert "20000 elements need 16.0 GB" in message and "only 4.0 GB are free" in message
+    assert "20000 elements need 8.4 GB" in message and "only 4.0 GB are free" in message
     assert "a larger number than 0.01" in message and "fewer patches" in message
     assert "sensors" not in message and "\n" not in message
     assert isinstance(error.value, PatchlightError) and isinstance(error.value, MemoryError)
@@ -166,7 +167,7 @@ def test_a_run_is_refused_before_it_begins(free, monkeypatch):
 
     monkeypatch.setattr("patchlight.solver.simulation.make_blockers", must_not_begin)
     room = scene(setup(Body(PatchSet.box((4, 5, 2.7), inward=True))))
-    free(MB)
+    free(MB // 4)
     with pytest.raises(OutOfMemoryError, match="larger number than 0.05") as error:
         solve(room, accuracy=0.05)
     assert "fewer patches" in str(error.value)

@@ -194,6 +194,22 @@ def test_closed_rows_sum_to_their_totals():
     assert (rows.factors[2] == 0.0).all()  # what gets no light has no total
 
 
+def test_what_is_not_sampled_is_not_sure_either():
+    """A defect of exact factors stays visible as their deviation."""
+    rows = Rows(np.array([[0.4, 0.3]]), np.zeros((1, 2), np.float32), {}, np.zeros((1, 5)))
+    close_rows(rows, 1.0, eps=1e-6)
+    np.testing.assert_allclose(rows.factors.sum(), 1.0, rtol=1e-12)
+    assert np.sqrt(rows.variances.max()) == pytest.approx(0.25 * 0.3 * 0.48, rel=1e-6)
+
+
+def test_totals_that_are_sampled_take_their_share():
+    """Half of the defect belongs to a total of the same variance."""
+    rows = Rows(np.array([[0.5, 0.39]]), np.array([[0.0, 1e-4]], np.float32), {}, np.zeros((1, 5)))
+    close_rows(rows, np.array([0.9]), spread=np.array([1e-4]))
+    np.testing.assert_allclose(rows.factors, [[0.5, 0.395]], rtol=1e-6)
+    assert rows.variances[0, 1] == pytest.approx(0.5e-4, rel=1e-5)
+
+
 def test_closing_never_makes_a_factor_negative():
     """What is too small to take its share leaves it to the others."""
     variances = np.array([[1e-3, 1e-3, 0.0]], np.float32)
