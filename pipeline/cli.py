@@ -210,7 +210,7 @@ def demo(
     Parameters
     ----------
     name
-        office.
+        office or conference.
     output
         Folder for the model, the scene file and the report.
     accuracy
