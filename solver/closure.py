@@ -14,6 +14,8 @@ from .model.arrays import FloatArray, IntArray
 
 #: Standard deviations beyond which a defect is not believed to be noise.
 BEYOND = 4.0
+#: Rows done at a time: what is made of them in between stays small beside the matrix.
+_BLOCK = 256
 #: Passes of the correction; factors that would fall below 0 leave their share to the others.
 _PASSES = 4
 
@@ -34,30 +36,45 @@ def rows_beyond_noise(
     outside : bool
         Whether sky and ground, as the meridians saw them, count among the elements.
     """
-    values, variances = _columns(rows, outside)
-    sums = values.sum(axis=1)
-    excess = np.abs(totals - sums) - BEYOND * np.sqrt(variances.sum(axis=1)) - eps
+    sums, spread = np.empty(len(rows.factors)), np.empty(len(rows.factors))
+    for block in _blocks(rows):
+        values, variances = _columns(rows, block, outside)
+        sums[block], spread[block] = values.sum(axis=1), variances.sum(axis=1)
+    excess = np.abs(totals - sums) - BEYOND * np.sqrt(spread) - eps
     found = np.flatnonzero((excess > 0.0) & (sums > 0.0))
     return np.asarray(found[np.argsort(-excess[found], kind="stable")])
 
 
 def close_rows(
     rows: Rows, totals: FloatArray | float, *, eps: float = 0.0, outside: bool = False
-) -> tuple[Rows, int]:
-    """Correct each row so that it sums to ``totals`` (m,).
+) -> int:
+    """Correct each row, in place, so that it sums to ``totals`` (m,).
 
     The least change in units of each factor's standard deviation, min Σ (δ_j / σ_j)² with
     Σ δ_j = defect, is δ_j = defect σ_j² / Σ σ². What was sampled has the deviation it states, all
     else the relative error ``eps``. Where the defect is more than four standard deviations, the
-    deviations were wrong and are raised until it is four.
+    deviations were wrong and are raised until it is four. Variances become what is left of them.
 
     Returns
     -------
-    Rows, int
-        The corrected rows with what is left of their variances, and how many were corrected.
+    int
+        How many rows were corrected.
     """
-    values, sampled = _columns(rows, outside)
-    variances = sampled + (eps * values) ** 2
+    all_totals = np.broadcast_to(np.asarray(totals, dtype=np.float64), len(rows.factors))
+    count = 0
+    for block in _blocks(rows):
+        values, sampled = _columns(rows, block, outside)
+        variances = sampled + (eps * values) ** 2
+        values, left, ours = _closed(values, sampled, variances, all_totals[block])
+        _put(rows, block, values, left, outside)
+        count += int(ours.sum())
+    return count
+
+
+def _closed(
+    values: FloatArray, sampled: FloatArray, variances: FloatArray, totals: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Corrected values, what is left of the sampled variances, and which rows needed it."""
     total = variances.sum(axis=1)
     defect = totals - values.sum(axis=1)
     ours = (total > 0.0) & (defect != 0.0)
@@ -76,33 +93,36 @@ def close_rows(
         values = np.maximum(values + step[:, None] * free, 0.0)
         free = np.where(values > 0.0, free, 0.0)
         defect = totals - values.sum(axis=1)
-    return _rows(rows, values, left, outside), int(ours.sum())
+    return values, left, ours
 
 
-def _columns(rows: Rows, outside: bool) -> tuple[FloatArray, FloatArray]:
+def _blocks(rows: Rows) -> list[slice]:
+    return [slice(start, start + _BLOCK) for start in range(0, len(rows.factors), _BLOCK)]
+
+
+def _columns(rows: Rows, block: slice, outside: bool) -> tuple[FloatArray, FloatArray]:
     """Factors and variances, those of sky and ground behind those of the elements."""
+    factors, variances = rows.factors[block], rows.variances[block].astype(np.float64)
     if not outside:
-        return rows.factors, rows.variances.astype(np.float64)
-    bright, sky, ground, sky_spread, ground_spread = rows.outside.T
+        return factors, variances
+    bright, sky, ground, sky_spread, ground_spread = rows.outside[block].T
     # The variance of the sky's factor, from that of its light.
     sky_spread = (
         sky_spread * np.where(bright > 0.0, sky / np.where(bright > 0.0, bright, 1.0), 0) ** 2
     )
     return (
-        np.column_stack([rows.factors, sky, ground]),
-        np.column_stack([rows.variances, sky_spread, ground_spread]).astype(np.float64),
+        np.column_stack([factors, sky, ground]),
+        np.column_stack([variances, sky_spread, ground_spread]),
     )
 
 
-def _rows(rows: Rows, values: FloatArray, left: FloatArray, outside: bool) -> Rows:
+def _put(rows: Rows, block: slice, values: FloatArray, left: FloatArray, outside: bool) -> None:
     n = rows.factors.shape[1]
-    kept: NDArray[np.float32] = left[:, :n].astype(np.float32)
-    seen = rows.outside
+    rows.factors[block], rows.variances[block] = values[:, :n], left[:, :n]
     if outside:
-        seen = seen.copy()
+        seen = rows.outside[block]
         old = np.where(seen[:, 1] > 0.0, seen[:, 1], 1.0)
         seen[:, 0] *= values[:, n] / old
         after = np.where(values[:, n] > 0.0, values[:, n], 1.0)
         seen[:, 3] = left[:, n] * (seen[:, 0] / after) ** 2
         seen[:, 1:3], seen[:, 4] = values[:, n:], left[:, n + 1]
-    return Rows(values[:, :n], kept, rows.counters, seen)

@@ -122,6 +122,6 @@ class RowFinder:
             rows.outside[found] = new.outside
             self.stages.count({"rows_redone": len(found)})
         wrong = rows_beyond_noise(rows, totals, eps=eps, outside=outside)
-        corrected, count = close_rows(rows, totals, eps=eps, outside=outside)
+        count = close_rows(rows, totals, eps=eps, outside=outside)
         self.stages.count({"rows_closed": count, "rows_beyond_noise": len(wrong)})
-        return corrected
+        return rows

@@ -183,23 +183,23 @@ def test_closed_rows_sum_to_their_totals():
     factors = np.array([[0.5, 0.3, 0.19], [0.5, 0.3, 0.1], [0.0, 0.0, 0.0]])
     variances = np.array([[0.0, 3e-5, 1e-5], [0.0, 1e-8, 1e-8], [0.0, 0.0, 0.0]], np.float32)
     rows = Rows(factors, variances, {}, np.zeros((3, 5)))
-    closed, count = close_rows(rows, 1.0)
-    assert count == 2
-    np.testing.assert_allclose(closed.factors[0], [0.5, 0.3075, 0.1925], rtol=1e-6)
-    # Conditioning on the sum leaves σ² (1 − σ²/Σσ²).
-    np.testing.assert_allclose(closed.variances[0], [0.0, 7.5e-6, 7.5e-6], rtol=1e-6)
-    # Ten percent missing at a deviation of 1e-4: the deviations were wrong, and are four now.
-    np.testing.assert_allclose(closed.factors[1], [0.5, 0.35, 0.15], rtol=1e-6)
-    np.testing.assert_allclose(closed.variances[1].sum(), 0.5 * (0.1 / 4.0) ** 2, rtol=1e-6)
     assert list(rows_beyond_noise(rows, 1.0, eps=0.0)) == [1]
-    assert (closed.factors[2] == 0.0).all()  # what gets no light has no total
+    assert close_rows(rows, 1.0) == 2
+    np.testing.assert_allclose(rows.factors[0], [0.5, 0.3075, 0.1925], rtol=1e-6)
+    # Conditioning on the sum leaves σ² (1 − σ²/Σσ²).
+    np.testing.assert_allclose(rows.variances[0], [0.0, 7.5e-6, 7.5e-6], rtol=1e-6)
+    # Ten percent missing at a deviation of 1e-4: the deviations were wrong, and are four now.
+    np.testing.assert_allclose(rows.factors[1], [0.5, 0.35, 0.15], rtol=1e-6)
+    np.testing.assert_allclose(rows.variances[1].sum(), 0.5 * (0.1 / 4.0) ** 2, rtol=1e-6)
+    assert (rows.factors[2] == 0.0).all()  # what gets no light has no total
 
 
 def test_closing_never_makes_a_factor_negative():
     """What is too small to take its share leaves it to the others."""
     factors = np.array([[0.001, 0.5, 0.6]])
     variances = np.array([[1e-3, 1e-3, 0.0]], np.float32)
-    closed, _ = close_rows(Rows(factors, variances, {}, np.zeros((1, 5))), 1.0)
+    closed = Rows(factors, variances, {}, np.zeros((1, 5)))
+    close_rows(closed, 1.0)
     np.testing.assert_allclose(closed.factors, [[0.0, 0.4, 0.6]], atol=1e-12)
 
 
@@ -207,7 +207,8 @@ def test_closing_counts_sky_and_ground_among_the_elements():
     """The light of the sky changes as its form factor does."""
     outside = np.array([[50.0, 0.05, 0.04, 1.0, 1e-6]])  # 1000 cd/m², deviations 1e-3
     factors, variances = np.array([[0.5, 0.405]]), np.array([[0.0, 1e-6]], np.float32)
-    closed, _ = close_rows(Rows(factors, variances, {}, outside), 1.0, outside=True)
+    closed = Rows(factors, variances, {}, outside)
+    close_rows(closed, 1.0, outside=True)
     third = 0.005 / 3.0
     np.testing.assert_allclose(closed.factors, [[0.5, 0.405 + third]], rtol=1e-6)
     np.testing.assert_allclose(closed.outside[0, 1:3], [0.05 + third, 0.04 + third], rtol=1e-6)
