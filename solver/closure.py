@@ -14,8 +14,8 @@ from .model.arrays import FloatArray, IntArray
 
 #: Standard deviations beyond which a defect is not believed to be noise.
 BEYOND = 4.0
-#: Rows done at a time: what is made of them in between stays small beside the matrix.
-_BLOCK = 256
+#: Rows done at a time: what is made of them in between stays in the processor's cache.
+_BLOCK = 16
 #: Passes of the correction; factors that would fall below 0 leave their share to the others.
 _PASSES = 4
 

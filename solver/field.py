@@ -191,7 +191,7 @@ class FieldSolver:
             components[f"{group}.direct"] = direct
             components[f"{group}.indirect"] = rows.factors @ reflected[group]
             exitance += reflected[group]
-        sampled = rows.variances @ luminous(exitance) ** 2 + light.variance
+        sampled = rows.variance_of(luminous(exitance)) + light.variance
         return Gathered(components, np.sqrt(sampled))
 
     def _elements(self, budget: Budget) -> Elements:

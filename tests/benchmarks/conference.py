@@ -204,7 +204,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--accuracy", type=float, nargs="+", default=ACCURACIES)
     parser.add_argument("--nodes", type=int, nargs="+", default=(1,), help="a direction")
-    parser.add_argument("--rows", type=int, default=100, help="rows compared")
+    parser.add_argument("--rows", type=int, default=100, help="rows compared; fewer of more nodes")
     parser.add_argument("--strict", type=int, default=0, help="rows that get proved brackets")
     parser.add_argument("--elements", type=int, default=ELEMENTS)
     parser.add_argument("--threads", type=int, default=2)
@@ -221,7 +221,7 @@ def main(arguments: list[str] | None = None) -> int:
     records: list[dict[str, Any]] = []
     truths: list[dict[str, Any]] = []
     for nodes in options.nodes:
-        sample = Sample.draw(scene, counts, nodes, options.rows)
+        sample = Sample.draw(scene, counts, nodes, max(options.rows // nodes**2, 1))
         job = TruthJob(scene_file, sample, options.strict, options.threads)
         truth = alone(kept_truth, job)
         truths.append(truth.record)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: sampled: of any element, and of lamps.
 EPS, CELL_EPS, LAMP_CELL_EPS = 1e-7, 3e-6, 3e-7
 #: Width of proved brackets, relative to the unoccluded factor, and the cells a pair may take.
-STRICT, STRICT_CELLS = 1e-3, 20_000
+STRICT, STRICT_CELLS = 1e-2, 2_000
 #: Rows see lamps when these send them more than this share of what they send the mean row.
 SEES_LAMPS = 1e-2
 
@@ -72,7 +72,14 @@ class Truth:
 def kept_truth(job: TruthJob) -> Truth:
     """`find_truth`, or what it found for the same rows of the same mesh before."""
     asked = pickle.dumps((EPS, CELL_EPS, LAMP_CELL_EPS, STRICT, STRICT_CELLS, job.strict))
-    asked += job.scene.read_bytes() + job.sample.divisions.tobytes() + job.sample.rows.tobytes()
+    scene = pickle.loads(job.scene.read_bytes())
+    for array in (
+        scene.patches.control_points,
+        scene.luminaire_index,
+        job.sample.divisions,
+        job.sample.rows,
+    ):
+        asked += np.ascontiguousarray(array).tobytes()
     key = hashlib.sha256(asked + bytes([job.sample.nodes])).hexdigest()
     file = job.scene.with_name(f"truth-{key[:16]}.pickle")
     if not file.is_file():
