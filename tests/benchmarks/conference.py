@@ -33,7 +33,7 @@ import numpy as np
 from conference_truth import Sample, TruthJob, kept_truth, row_errors, strict_check
 from patchlight.solver.budget import Budget
 from patchlight.solver.mesh import divisions
-from patchlight.solver.model import SceneData
+from patchlight.solver.model import PatchSet, SceneData
 from patchlight.solver.model.arrays import FloatArray, IntArray
 from patchlight.solver.stages import Stages
 from report import machine
@@ -82,12 +82,12 @@ class Clock(Stages):
         self.cpu_seconds[name] = self.cpu_seconds.get(name, 0.0) + time.process_time() - start
 
 
-def mesh_to(scene: SceneData, elements: int) -> IntArray:
+def mesh_to(patches: PatchSet, elements: int) -> IntArray:
     """Divisions (p, 2) of the patches that give nearly as many elements as asked for."""
-    low, high, best = 1e-3, 10.0, np.ones((len(scene.patches), 2), dtype=np.int64)
+    low, high, best = 1e-3, 10.0, np.ones((len(patches), 2), dtype=np.int64)
     for _ in range(30):
         size = (low * high) ** 0.5
-        counts = divisions(scene.patches, size)
+        counts = divisions(patches, size)
         total = int(counts.prod(axis=1).sum())
         if abs(total - elements) < abs(int(best.prod(axis=1).sum()) - elements):
             best = counts
@@ -98,8 +98,9 @@ def mesh_to(scene: SceneData, elements: int) -> IntArray:
 def budget_on(scene: SceneData, accuracy: float, counts: IntArray, nodes: int) -> Budget:
     """The tolerances of ``accuracy`` on a mesh that does not follow from it."""
     total = int(counts.prod(axis=1).sum())
+    # Size 0: no element is so small that it gets fewer nodes than the others.
     return dataclasses.replace(
-        Budget.of(scene, accuracy), divisions=counts, elements=total, nodes=nodes
+        Budget.of(scene, accuracy), divisions=counts, elements=total, nodes=nodes, size=0.0
     )
 
 
@@ -130,7 +131,7 @@ def solve(job: Job) -> Solved:
         "accuracy": job.accuracy,
         "elements": len(field.factors),
         "nodes_per_element": job.nodes**2,
-        "settings": budget.settings,
+        "settings": {k: v for k, v in budget.settings.items() if k != "element_size_m"},
         "wall_s": sum(clock.seconds[name] for name in timed),
         "cpu_s": sum(clock.cpu_seconds[name] for name in timed),
         "stages_wall_s": clock.seconds,
@@ -215,7 +216,7 @@ def main(arguments: list[str] | None = None) -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     scene_file = options.output / "conference.pickle"
     scene = alone(write_scene, scene_file)
-    counts = mesh_to(scene, options.elements)
+    counts = mesh_to(scene.patches, options.elements)
     total = int(counts.prod(axis=1).sum())
     print(f"{len(scene.patches)} patches, {total} elements", flush=True)
     records: list[dict[str, Any]] = []

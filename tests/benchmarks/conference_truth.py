@@ -71,7 +71,9 @@ class Truth:
 
 def kept_truth(job: TruthJob) -> Truth:
     """`find_truth`, or what it found for the same rows of the same mesh before."""
-    asked = pickle.dumps((EPS, CELL_EPS, LAMP_CELL_EPS, STRICT, STRICT_CELLS, job.strict))
+    asked = pickle.dumps((EPS, CELL_EPS, LAMP_CELL_EPS))
+    if job.strict:
+        asked += pickle.dumps((STRICT, STRICT_CELLS, job.strict))
     scene = pickle.loads(job.scene.read_bytes())
     for array in (
         scene.patches.control_points,
