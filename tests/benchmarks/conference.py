@@ -194,6 +194,7 @@ def plot(path: Path, records: list[dict[str, Any]]) -> None:
             axis.plot(seconds, errors, "o" + style, color=color, ms=4, label=label)
     for error, seconds in WANTED:
         axis.plot([seconds], [error], "k+", ms=10)
+        axis.annotate("wanted, median", (seconds, error), (6, -3), textcoords="offset points")
     axis.set(xscale="log", yscale="log", xlabel="wall time [s]", ylabel="relative error of a row")
     axis.legend(fontsize="x-small")
     figure.savefig(path, dpi=130)
