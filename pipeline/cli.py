@@ -214,7 +214,7 @@ def demo(
     Parameters
     ----------
     name
-        office.
+        office or conference.
     output
         Folder for the model, the scene file and the report.
     accuracy

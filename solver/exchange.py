@@ -23,6 +23,8 @@ from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call: short enough to report progress and to obey Ctrl-C.
 ROWS_PER_BLOCK = 64
+#: Rows of variances converted at a time, which then stay in the processor's cache.
+CONVERTED_ROWS = 16
 #: How often a partly hidden element is quartered at most.
 LEVELS = 8
 
@@ -56,6 +58,15 @@ class Rows:
     variances: NDArray[np.float32]
     counters: dict[str, int]
     outside: FloatArray
+
+    def variance_of(self, light: FloatArray) -> FloatArray:
+        """Variance (m,) of what the receivers gather when the elements send ``light`` (n,)."""
+        out, squares = np.empty(len(self.variances)), light**2
+        # At double precision all variances would take as much memory as the factors.
+        for start in range(0, len(out), CONVERTED_ROWS):
+            rows = slice(start, start + CONVERTED_ROWS)
+            out[rows] = self.variances[rows].astype(np.float64) @ squares
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)

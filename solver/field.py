@@ -192,9 +192,7 @@ class FieldSolver:
             components[f"{group}.direct"] = direct
             components[f"{group}.indirect"] = rows.factors @ reflected[group]
             exitance += reflected[group]
-        # In the type of the variances: otherwise they would be copied.
-        weight = (luminous(exitance) ** 2).astype(rows.variances.dtype)
-        sampled = (rows.variances @ weight).astype(np.float64) + light.variance
+        sampled = rows.variance_of(luminous(exitance)) + light.variance
         return Gathered(components, np.sqrt(sampled))
 
     def _elements(self, budget: Budget) -> Elements:

@@ -10,8 +10,8 @@ from .errors import OutOfMemoryError
 
 #: Bytes that a pair of receiver and element takes at the worst moment, while rows are corrected:
 #: factors (8) and variances (4), a quarter of both once more for rows that are found anew (3), and
-#: what is in between for some rows at a time (6 with 2500 elements, measured; less with more).
-PAIR_BYTES = 21
+#: what is in between for some rows at a time (less than 1 with 2500 elements, measured).
+PAIR_BYTES = 16
 #: Bytes of a pair once it is known: factors, and the variances of sampled ones.
 ROW_BYTES = 12
 #: Bytes of a pair of the matrix that stays while the sensors are done.

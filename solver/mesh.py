@@ -8,7 +8,7 @@ import numpy as np
 
 from .errors import GeometryError
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import areas, gauss_rule, sub_net, surface_points, tangents
+from .model.bezier import areas, gauss_rule, sub_nets, surface_points, tangents
 from .model.elements import Elements
 from .model.patches import PatchSet
 
@@ -19,22 +19,22 @@ MAX_TURN = math.radians(46.0)
 
 def patch_extent(patches: PatchSet) -> tuple[FloatArray, FloatArray]:
     """Mean lengths (p, 2) [m] along u and v, and turns of the normal (p, 2) [rad]."""
+    n = len(patches)
     t = np.linspace(0.0, 1.0, 7)
-    u, v = np.meshgrid(t, t, indexing="ij")
-    lengths, turns = np.empty((len(patches), 2)), np.empty((len(patches), 2))
+    u, v = (np.broadcast_to(g.ravel(), (n, 49)) for g in np.meshgrid(t, t, indexing="ij"))
+    points, su, sv = (a.reshape(n, 7, 7, 3) for a in surface_points(patches.control_points, u, v))
     inner = slice(1, 6)  # collapsed edges have no normal
-    for k, net in enumerate(patches.control_points):
-        points, su, sv = tangents(net, u, v)
-        lengths[k, 0] = np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0).max()
-        lengths[k, 1] = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1).max()
-        normals = np.cross(su, sv)[inner, inner]
-        size = np.linalg.norm(normals, axis=2, keepdims=True)
-        normals = np.where(size > 0.0, normals / np.maximum(size, 1e-300), 0.0)
-        for axis in (0, 1):
-            cosine = (np.diff(normals, axis=axis) ** 2).sum(axis=2)
-            step = 2.0 * np.arcsin(np.minimum(1.0, 0.5 * np.sqrt(cosine)))
-            # Five of seven stations: scale the turn up to the whole patch.
-            turns[k, axis] = step.sum(axis=axis).max() * 1.5
+    normals = np.cross(su, sv)[:, inner, inner]
+    size = np.linalg.norm(normals, axis=3, keepdims=True)
+    normals = np.where(size > 0.0, normals / np.maximum(size, 1e-300), 0.0)
+    lengths, turns = np.empty((n, 2)), np.empty((n, 2))
+    for axis in (0, 1):
+        run = np.linalg.norm(np.diff(points, axis=1 + axis), axis=3)
+        lengths[:, axis] = run.sum(axis=1 + axis).max(axis=1)
+        chord = (np.diff(normals, axis=1 + axis) ** 2).sum(axis=3)
+        step = 2.0 * np.arcsin(np.minimum(1.0, 0.5 * np.sqrt(chord)))
+        # Five of seven stations: scale the turn up to the whole patch.
+        turns[:, axis] = step.sum(axis=1 + axis).max(axis=1) * 1.5
     return lengths, turns
 
 
@@ -71,25 +71,27 @@ def make_elements(
     if len(patches) == 0:
         raise GeometryError("the scene has no surfaces")
     rule, weight = gauss_rule(nodes)
-    nets, index, side, boxes = [], [], [], []
-    for p, net in enumerate(patches.control_points):
-        nu, nv = (int(c) for c in counts[p])
+    index, side, boxes = [], [], []
+    for p, (nu, nv) in enumerate(np.asarray(counts).tolist()):
         cuts_u, cuts_v = np.linspace(0.0, 1.0, nu + 1), np.linspace(0.0, 1.0, nv + 1)
         cells = [
             (cuts_u[i], cuts_u[i + 1], cuts_v[j], cuts_v[j + 1])
             for i in range(nu)
             for j in range(nv)
         ]
-        own = [net if len(cells) == 1 else sub_net(net, *cell) for cell in cells]
         for s in (0, 1) if two_sided[p] else (0,):
-            nets.extend(own if s == 0 else [n[::-1] for n in own])
             boxes.extend(cells)
             index.extend([p] * len(cells))
             side.extend([s] * len(cells))
-    all_nets = np.array(nets)
+    all_boxes, patch, turned = np.array(boxes), np.array(index), np.array(side) == 1
+    all_nets = patches.control_points[patch]
+    # A patch that is one element keeps its net to the bit.
+    cut = np.flatnonzero((np.asarray(counts).prod(axis=1) > 1)[patch])
+    all_nets[cut] = sub_nets(all_nets[cut], all_boxes[cut])
+    all_nets[turned] = all_nets[turned][:, ::-1]
     u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
     rule_weight = np.outer(weight, weight).ravel()
-    own_u, own_v = (np.broadcast_to(t, (len(nets), len(u))) for t in (u, v))
+    own_u, own_v = (np.broadcast_to(t, (len(all_nets), len(u))) for t in (u, v))
     points, su, sv = surface_points(all_nets, own_u, own_v)
     normals = np.cross(su, sv)
     length = np.linalg.norm(normals, axis=2)
@@ -108,9 +110,9 @@ def make_elements(
         weights[row], weights[row, 0] = 0.0, area[row]
     return Elements(
         nets=all_nets,
-        patch_index=np.array(index),
+        patch_index=patch,
         side=np.array(side),
-        boxes=np.array(boxes),
+        boxes=all_boxes,
         nodes=points,
         normals=normals,
         weights=weights,

@@ -8,7 +8,7 @@ from .kernels.nets import CONCAVE, CONVEX, PLANAR, normal_cone
 from .kernels.pyramid import Blockers
 from .kernels.ray_patch import classify_patches
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import tangents
+from .model.bezier import surface_points
 from .model.patches import PatchSet
 
 
@@ -37,6 +37,15 @@ def normal_cones(nets: FloatArray) -> FloatArray:
     return cones
 
 
+def _points_and_normals(
+    nets: FloatArray, u: FloatArray, v: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Points and ∂u × ∂v (n, k, 3) of all nets at the same parameters (k,)."""
+    shape = (len(nets), len(u))
+    points, su, sv = surface_points(nets, np.broadcast_to(u, shape), np.broadcast_to(v, shape))
+    return points, np.cross(su, sv)
+
+
 def shape_flags(nets: FloatArray) -> IntArray:
     """Bits of `patch_factor` (n,): `PLANAR`, and `CONVEX` or `CONCAVE` seen from the + side.
 
@@ -46,12 +55,13 @@ def shape_flags(nets: FloatArray) -> IntArray:
     t = (np.arange(5) + 0.5) / 5.0
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     flags = np.zeros(len(nets), dtype=np.int64)
-    for k, net in enumerate(nets):
-        control = (net[..., :3] / net[..., 3:]).reshape(16, 3)
+    all_controls = (nets[..., :3] / nets[..., 3:]).reshape(-1, 16, 3)
+    all_points, all_normals = _points_and_normals(nets, u, v)
+    for k, (control, points, normals) in enumerate(
+        zip(all_controls, all_points, all_normals, strict=True)
+    ):
         size = float(np.ptp(control, axis=0).max())
         rounding = 1e-12 * size + 4e-16 * float(np.abs(control).max())
-        points, su, sv = tangents(net, u, v)
-        normals = np.cross(su, sv)
         length = np.linalg.norm(normals, axis=1)
         good = length > 1e-9 * length.max() if length.max() > 0.0 else np.zeros(25, bool)
         if not good.any():
@@ -144,9 +154,7 @@ def convexity(
         size = float(np.ptp(points, axis=0).max())
         highest, lowest = -np.inf, np.inf
         corners = (own[:, ::3, ::3, :3] / own[:, ::3, ::3, 3:]).reshape(-1, 3)
-        for net in own:
-            at, su, sv = tangents(net, u, v)
-            normals = np.cross(su, sv)
+        for at, normals in zip(*_points_and_normals(own, u, v), strict=True):
             length = np.linalg.norm(normals, axis=1)
             good = length > 1e-9 * max(float(length.max()), 1e-300)
             normals = normals[good] / length[good, None]

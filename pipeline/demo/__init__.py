@@ -7,7 +7,10 @@ from pathlib import Path
 from patchlight.solver.errors import InputError
 
 #: What `patchlight demo NAME` offers.
-DEMOS = {"office": "side-lit office with a curved wall, a dome, furniture and two lamps"}
+DEMOS = {
+    "office": "side-lit office with a curved wall, a dome, furniture and two lamps",
+    "conference": "conference room without daylight: 24 lamps, a curved table, chairs and pots",
+}
 
 
 def demo_files(name: str) -> tuple[str, ...]:
@@ -20,6 +23,10 @@ def demo_files(name: str) -> tuple[str, ...]:
 def write_demo(name: str, folder: Path) -> Path:
     """Write STEP file and scene file of a demo into ``folder``; return the scene file."""
     demo_files(name)
+    if name == "conference":
+        from . import conference
+
+        return conference.write(folder)
     from . import office
 
     return office.write(folder)

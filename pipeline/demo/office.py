@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from patchlight.solver.errors import GeometryError, OutputError
+from .shapes import GAP, chair, one_solid, write_files
 
 if TYPE_CHECKING:
     import cadquery as cq
@@ -18,7 +18,6 @@ WIDTH, DEPTH, HEIGHT = 6000.0, 3800.0, 2800.0
 #: How far the curved wall at the back bulges out. [mm]
 BULGE = 700.0
 WALL = 250.0
-GAP = 2.0
 #: Window in the wall y = 0: left edge, sill, width, height. [mm]
 WINDOW = (900.0, 900.0, 4200.0, 1500.0)
 DESKS = ((1700.0, 1500.0), (4300.0, 1500.0))
@@ -99,16 +98,6 @@ min = 300
 """
 
 
-def _solid(shape: cq.Workplane) -> cq.Shape:
-    """The one solid of a Workplane, without the compound around it."""
-    import cadquery as cq
-
-    found = shape.solids().val()
-    if not isinstance(found, cq.Shape):
-        raise GeometryError("the demo model is not one solid")
-    return found
-
-
 def room() -> cq.Workplane:
     """Walls, floor and ceiling in one solid: a block minus the air of the room."""
     import cadquery as cq
@@ -161,38 +150,13 @@ def desk() -> cq.Assembly:
     top = cq.Workplane("XY").box(length, width, thickness)
     side = cq.Workplane("XY").box(thickness, width - 100, DESK_TOP - thickness - 2 * GAP)
     desk = cq.Assembly(name="desk")
-    desk.add(_solid(top), name="top", loc=cq.Location((0, 0, DESK_TOP - thickness / 2)), color=wood)
+    desk.add(
+        one_solid(top), name="top", loc=cq.Location((0, 0, DESK_TOP - thickness / 2)), color=wood
+    )
     for k, x in enumerate((-0.5 * length + 60, 0.5 * length - 60)):
         place = cq.Location((x, 0, 0.5 * (DESK_TOP - thickness)))
-        desk.add(_solid(side), name=f"side:{k + 1}", loc=place, color=wood)
+        desk.add(one_solid(side), name=f"side:{k + 1}", loc=place, color=wood)
     return desk
-
-
-def chair() -> cq.Assembly:
-    """Seat, curved back and four round legs; the back stands at +y."""
-    import cadquery as cq
-
-    blue, steel = cq.Color(0.35, 0.51, 0.60), cq.Color(0.63, 0.63, 0.63)
-    seat = cq.Workplane("XY").box(420, 420, 30)
-    # A slice of a pipe about a vertical axis in front of the seat.
-    inner, outer, half = 340.0, 362.0, 190.0
-    back = (
-        cq.Workplane("XY")
-        .moveTo(-half, (inner**2 - half**2) ** 0.5)
-        .threePointArc((0, inner), (half, (inner**2 - half**2) ** 0.5))
-        .lineTo(half, (outer**2 - half**2) ** 0.5)
-        .threePointArc((0, outer), (-half, (outer**2 - half**2) ** 0.5))
-        .close()
-        .extrude(270)
-    )
-    leg = cq.Workplane("XY").circle(14).extrude(440 - 2 * GAP)
-    chair = cq.Assembly(name="chair")
-    chair.add(_solid(seat), name="seat", loc=cq.Location((0, 0, 455 + GAP)), color=blue)
-    chair.add(_solid(back), name="back", loc=cq.Location((0, -160, 475 + 2 * GAP)), color=blue)
-    for k, (x, y) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1))):
-        place = cq.Location((180 * x, 180 * y, GAP))
-        chair.add(_solid(leg), name=f"leg:{k + 1}", loc=place, color=steel)
-    return chair
 
 
 def lamp() -> cq.Workplane:
@@ -213,9 +177,9 @@ def build() -> cq.Assembly:
     import cadquery as cq
 
     office = cq.Assembly(name="office")
-    office.add(_solid(room()), name="room", color=cq.Color(0.85, 0.85, 0.82))
-    office.add(_solid(frame()), name="frame", color=cq.Color(0.80, 0.80, 0.80))
-    column = _solid(cq.Workplane("XY").circle(150).extrude(HEIGHT - 2 * GAP))
+    office.add(one_solid(room()), name="room", color=cq.Color(0.85, 0.85, 0.82))
+    office.add(one_solid(frame()), name="frame", color=cq.Color(0.80, 0.80, 0.80))
+    column = one_solid(cq.Workplane("XY").circle(150).extrude(HEIGHT - 2 * GAP))
     grey, warm = cq.Color(0.73, 0.73, 0.73), cq.Color(1.0, 0.96, 0.88)
     office.add(column, name="column", loc=cq.Location((1500, 3400, GAP)), color=grey)
     # Built anew each time: CadQuery leaves the parts of a repeated sub-assembly without names.
@@ -226,20 +190,12 @@ def build() -> cq.Assembly:
             number += 1
             place = cq.Location((x, y + 620 * side, GAP), (0, 0, 1), turn)
             office.add(chair(), name=f"chair:{number}", loc=place)
-        office.add(_solid(lamp()), name=f"lamp:{k + 1}", loc=cq.Location((x, y, 2000)), color=warm)
+        office.add(
+            one_solid(lamp()), name=f"lamp:{k + 1}", loc=cq.Location((x, y, 2000)), color=warm
+        )
     return office
 
 
 def write(folder: Path) -> Path:
     """Write ``office.step`` and ``office.toml`` into ``folder``; return the scene file."""
-    assembly = build()
-    step, scene = folder / "office.step", folder / "office.toml"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        assembly.export(str(step))
-        scene.write_text(SCENE, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None
-    if not step.is_file():
-        raise OutputError(f"{step}: the STEP file was not written")
-    return scene
+    return write_files(folder, build(), SCENE)

@@ -113,18 +113,18 @@ def test_what_a_pair_takes_is_what_the_code_takes():
 
 
 def test_need_counts_elements_sensors_and_what_is_kept():
-    assert needed_bytes(1000) == 21 * MB
-    assert needed_bytes(1000, 500) == 21 * MB
-    assert needed_bytes(1000, 2000) == 42 * MB + 8 * MB
+    assert needed_bytes(1000) == 16 * MB
+    assert needed_bytes(1000, 500) == 16 * MB
+    assert needed_bytes(1000, 2000) == 32 * MB + 8 * MB
 
 
 def test_a_mesh_that_does_not_fit_is_refused_with_advice(free):
     free(4 * 10**9)
-    check_memory(13_000)
+    check_memory(15_000)
     with pytest.raises(OutOfMemoryError) as error:
         check_memory(20_000, least_elements=5_000, accuracy=0.01)
     message = str(error.value)
-    assert "20000 elements need 8.4 GB" in message and "only 4.0 GB are free" in message
+    assert "20000 elements need 6.4 GB" in message and "only 4.0 GB are free" in message
     assert "a larger number than 0.01" in message and "fewer patches" in message
     assert "sensors" not in message and "\n" not in message
     assert isinstance(error.value, PatchlightError) and isinstance(error.value, MemoryError)
