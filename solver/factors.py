@@ -283,7 +283,7 @@ def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntA
             continue
         at, _, _ = tangents(nets[p], *grid)
         rows = np.flatnonzero(near & (out < 0))
-        for some in np.array_split(rows, -(-len(rows) // _POINTS)):
+        for some in (rows[k : k + _POINTS] for k in range(0, len(rows), _POINTS)):
             out[some[_lie_on(points[some], nets[p], at, grid, 1e-9 * spheres[p, 3])]] = p
     return out
 

@@ -53,7 +53,7 @@ def test_scene_file_fits_its_model(scene):
 
 
 def test_nothing_is_placed_wrongly(scene):
-    from patchlight.solver.containment import check_placement
+    from patchlight.solver.placement import check_placement
 
     assert check_placement(scene.freeze()) == ()
 
