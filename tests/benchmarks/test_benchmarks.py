@@ -173,3 +173,14 @@ def test_unknown_case_is_named():
     command = [sys.executable, str(FOLDER / "run.py"), "--case", "nothing", "-o", "unused"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 2 and "nothing" in done.stderr and "C3_surf" in done.stderr
+
+
+@pytest.mark.slow
+def test_rates_are_compared_at_one_error():
+    """Every way reaches the error that it is timed at; which is faster is for the benchmark."""
+    import bulk_rate
+
+    found = bulk_rate.measure(side=8, receivers=8)
+    assert found["compared"] > 0.3
+    for name in ("edges", "nn93", "polygon"):
+        assert found[name]["rms"] <= bulk_rate.ERROR and found[name]["pairs_per_s"] > 0.0
