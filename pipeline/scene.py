@@ -264,8 +264,14 @@ class Scene:
         Raises
         ------
         InputError
-            If no model has the name, or an assignment matches nothing of the new shape.
+            If it is no Model, if no model has the name, or an assignment matches nothing of the new
+            shape.
         """
+        if not isinstance(model, Model):
+            raise InputError(
+                f"Scene.update: a {type(model).__name__} is no Model; use from_cadquery(…) or "
+                "read_step(…) first"
+            )
         key = name or model.name
         if key not in self.entries or self.entries[key].kind != "cad":
             have = ", ".join(k for k, e in self.entries.items() if e.kind == "cad") or "none"

@@ -12,6 +12,8 @@ from .model.scene import SceneData
 _RELATIVE_DISTANCE = 1e-6
 #: Samples a direction in the patches of lamps.
 _SAMPLES = 8
+#: Share of a lamp's faces that may touch something without a word.
+_LEAST_SHARE = 0.01
 
 
 def check_placement(scene: SceneData) -> tuple[str, ...]:
@@ -24,7 +26,9 @@ def check_placement(scene: SceneData) -> tuple[str, ...]:
     tester = Containment(scene)
     low, high = scene.patches.bounds()
     distance = _RELATIVE_DISTANCE * float(np.linalg.norm(high - low))
-    lines = _dark_lamps(scene, tester, distance)
+    air = Volumes.of_air(scene)
+    # Where the air is known, what does not shine into it is told below.
+    lines = _dark_lamps(scene, tester, distance, least=_LEAST_SHARE if air is None else 1.0)
     for camera in scene.cameras:
         part = int(tester.parts_at([camera.eye])[0])
         if part >= 0:
@@ -42,7 +46,6 @@ def check_placement(scene: SceneData) -> tuple[str, ...]:
                 f"the first {_place(grid.points[first])} in {scene.parts[parts[first]].path!r}"
             )
     lines += _outside_model(scene, 1e-9 * float(np.linalg.norm(high - low)))
-    air = Volumes.of_air(scene)
     if air is not None:
         lines += _grids_outside(scene, air, distance) + _lamps_outside(scene, air, distance)
     return tuple(lines)
@@ -113,26 +116,41 @@ def _air_names(scene: SceneData) -> str:
     return ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
 
 
-def _dark_lamps(scene: SceneData, tester: Containment, distance: float) -> list[str]:
-    """Lamps of whose emitting sides no patch centre is free."""
+def _dark_lamps(
+    scene: SceneData, tester: Containment, distance: float, *, least: float
+) -> list[str]:
+    """Lamps of whose emitting sides a share of ``least`` lies inside or against something."""
     lines = []
-    patches = scene.patches
-    centers, normals = patches.evaluate(0.5, 0.5), patches.normals(0.5, 0.5)
+    patches, areas = scene.patches, scene.patches.areas()
+    t = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    u, v = (grid.ravel() for grid in np.meshgrid(t, t))
     for lamp, luminaire in enumerate(scene.luminaires):
         rows, sides = np.nonzero(scene.luminaire_index == lamp)
         if not rows.size:
             continue
-        n = normals[rows] * np.where(sides == 0, 1.0, -1.0)[:, None]
+        own = patches.take(rows)
+        n = own.normals(u, v) * np.where(sides == 0, 1.0, -1.0)[:, None, None]
+        x, n = own.evaluate(u, v).reshape(-1, 3), n.reshape(-1, 3)
         usable = np.isfinite(n).all(axis=1)
-        x, n = centers[rows[usable]], n[usable]
-        if len(x) and tester.buried(x, n, distance).all():
-            parts = tester.parts_at(x + distance * n)
-            inside = parts[parts >= 0]
-            where = f" the solid {scene.parts[inside[0]].path!r}" if inside.size else " other faces"
-            lines.append(
-                f"lamp {luminaire.part!r}: all of its emitting faces lie inside or against{where};"
-                f" its {luminaire.flux_lm:g} lm stay dark"
-            )
+        buried = np.zeros(len(x), bool)
+        buried[usable] = tester.buried(x[usable], n[usable], distance)
+        weight = np.repeat(areas[rows], _SAMPLES**2) * usable
+        whole = bool(usable.any() and buried[usable].all())
+        share = 1.0 if whole else float(buried @ weight / max(float(weight.sum()), 1e-300))
+        if share < least:
+            continue
+        parts = tester.parts_at(x[buried] + distance * n[buried])
+        inside = parts[parts >= 0]
+        where = f" the solid {scene.parts[inside[0]].path!r}" if inside.size else " other faces"
+        amount, dark = (
+            ("all", "its")
+            if whole
+            else (f"about {100 * share:.0f} %", f"{100 * share:.0f} % of its")
+        )
+        lines.append(
+            f"lamp {luminaire.part!r}: {amount} of its emitting faces lie inside or against{where};"
+            f" {dark} {luminaire.flux_lm:g} lm stay dark"
+        )
     return lines
 
 

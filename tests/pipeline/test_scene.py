@@ -318,6 +318,8 @@ def test_update_keeps_assignments_and_checks_them(house, make_model):
     with pytest.raises(InputError, match="desk"):
         scene.update(make_model("house"))
     assert len(scene.freeze().parts) == 2  # the failed update changed nothing
+    with pytest.raises(InputError, match="a dict is no Model"):
+        scene.update({})
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,22 @@ def test_lamps_that_reach_out_of_the_air():
     assert any("all of its emitting faces lies outside" in line for line in lamp_line(3.5))
 
 
+def test_a_lamp_flush_with_a_ceiling_loses_what_its_top_would_give():
+    """A box of 0.4 x 0.4 x 0.2 m under a slab: its top is a quarter of its surface."""
+    slab = (PatchSet.box((4, 3, 0.3), center=(0, 0, 2.95)), "solid")
+    emitting = np.full((12, 2), -1)
+    emitting[6:, 0] = 0
+    lamp = Luminaire("b", "lamps", 500.0, 0.64, np.ones(3), 4000.0)
+
+    def lines(height):
+        body = (PatchSet.box((0.4, 0.4, 0.2), center=(0, 0, height)), "solid")
+        return check_placement(scene_of(slab, body, luminaire_index=emitting, luminaires=(lamp,)))
+
+    assert lines(2.5) == ()
+    (flush,) = lines(2.7)
+    assert "lamp 'b': about 25 %" in flush and "25 % of its 500 lm stay dark" in flush
+
+
 def test_emitting_faces_of_the_air_itself_are_inside():
     emitting = np.full((6, 2), -1)
     emitting[0, 0] = 0
