@@ -42,7 +42,7 @@ class Budget:
     cell_eps, lamp_cell_eps : float
         Form factor below which a partly hidden cell is sampled: between surfaces, and of lamps.
     sensor_dome_cell_eps : float
-        The same for cells of the sky seen from surfaces and from sensors.
+        The same for cells of the sky seen from sensors.
     sun_cell_eps : float
         The same for parts of the sun's disc, relative to the whole disc.
     """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .dome import carried_variance
 from .exchange import Rows
 from .model.arrays import FloatArray, IntArray
 
@@ -108,7 +109,7 @@ def _close_block(
         seen = rows.outside
         seen[:, 0] *= values[:, n] / np.where(seen[:, 1] > 0.0, seen[:, 1], 1.0)
         seen[:, 1:3], seen[:, 4] = values[:, n:], left[:, n + 1]
-        seen[:, 3] = left[:, n] * (seen[:, 0] / np.where(seen[:, 1] > 0.0, seen[:, 1], 1.0)) ** 2
+        seen[:, 3] = carried_variance(left[:, n], seen[:, 1], seen[:, 0])
     return int(ours.sum())
 
 
@@ -125,5 +126,4 @@ def _columns(rows: Rows, outside: bool) -> tuple[FloatArray, FloatArray]:
 def _outside_variances(rows: Rows) -> FloatArray:
     """Variances (m, 2) of the factors of sky and ground; the first from that of its light."""
     bright, sky, _, sky_spread, ground_spread = rows.outside.T
-    scale = sky / np.where(bright > 0.0, bright, np.inf)
-    return np.stack([sky_spread * scale**2, ground_spread], axis=1)
+    return np.stack([carried_variance(sky_spread, bright, sky), ground_spread], axis=1)

@@ -50,6 +50,14 @@ class DomeLight:
     counters: dict[str, int]
 
 
+def carried_variance(variance: FloatArray, of: FloatArray, to: FloatArray) -> FloatArray:
+    """Variance of ``to`` that varies as ``of`` does, of which it is known; 0 where ``of`` is 0.
+
+    What is sampled is the light of the sky; its form factor is taken to vary with it.
+    """
+    return np.asarray(variance * (to / np.where(of > 0.0, of, np.inf)) ** 2)
+
+
 def dome_cells(low_deg: float, high_deg: float, *, azimuths: int = 8, bands: int = 2) -> FloatArray:
     """Cells (azimuths x bands, 4, 4, 4) between two altitudes, seen from inside. [deg]"""
     cuts = np.radians(np.linspace(low_deg, high_deg, bands + 1))
@@ -157,12 +165,10 @@ def gather(
         bad = int(np.argwhere(~np.isfinite(out))[0][0])
         raise NumericsError(f"light from infinity at receiver {bad}: not finite")
     total = counters.sum(axis=0)
-    # What is sampled is the light; its factor is taken to vary as it does.
-    scale = out[:, 2] / np.where(out[:, 0] > 0.0, out[:, 0], np.inf)
     return DomeLight(
         illuminance=math.pi * level * out[:, 0],
         deviation=math.pi * level * np.sqrt(out[:, 1]),
         factor=out[:, 2],
-        factor_variance=out[:, 1] * scale**2,
+        factor_variance=carried_variance(out[:, 1], out[:, 0], out[:, 2]),
         counters={"dome_cells_traced": int(total[0]), "pyramid_cells": int(total[1])},
     )

@@ -348,7 +348,7 @@ def _factors(
     buried: IntArray | None = None,
 ) -> FormFactors:
     """All three ways; ``on`` (m,) names the surface each point lies on, where it is known."""
-    from .topology import shape_flags
+    from .topology import is_single, shape_flags
 
     m, count = len(x), len(source_nets)
     if m == 0 or count == 0:
@@ -380,7 +380,7 @@ def _factors(
             hide=hide,
             most_cells=MOST_CELLS if hide else _PLAIN_CELLS,
         )
-    if len(surfaces.bulging) == 1 and surfaces.bulging[0]:  # nothing hides anything
+    if is_single(surfaces, surfaces.bulging):  # nothing hides anything
         error = 0.1 * accuracy * plain.factors + ABSOLUTE
         low, high = np.maximum(plain.factors - error, 0.0), plain.factors + error
         return FormFactors(plain.factors, low, high, False, plain.counters)

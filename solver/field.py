@@ -131,6 +131,7 @@ class FieldSolver:
         #: All there is is one convex cavity.
         self.in_cavity = is_single(blockers, blockers.hollow)
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
+        self._containment = Containment(scene)  # the same for every mesh
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
 
@@ -206,7 +207,7 @@ class FieldSolver:
         )
         low, high = scene.patches.bounds()
         distance = CONTACT * float(np.linalg.norm(high - low))
-        buried = Containment(scene).buried(
+        buried = self._containment.buried(
             elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3), distance
         )
         return replace(elements, buried=buried.reshape(elements.weights.shape))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .containment import Containment, Volumes
-from .model.scene import SceneData
+from .model.arrays import FloatArray
+from .model.scene import Luminaire, SceneData
 
 #: Distance of test points from surfaces, relative to the size of the scene.
 _RELATIVE_DISTANCE = 1e-6
@@ -86,23 +89,37 @@ def _grids_outside(scene: SceneData, air: Volumes, distance: float) -> list[str]
     return lines
 
 
-def _lamps_outside(scene: SceneData, air: Volumes, distance: float) -> list[str]:
-    """Lamps of which a part does not shine into any air volume."""
-    lines = []
+def _lamp_points(
+    scene: SceneData,
+) -> Iterator[tuple[Luminaire, FloatArray, FloatArray, FloatArray]]:
+    """Each lamp with points of its emitting sides: (m, 3), their normals, and their areas (m,)."""
     patches, areas = scene.patches, scene.patches.areas()
     t = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
     u, v = (grid.ravel() for grid in np.meshgrid(t, t))
     for lamp, luminaire in enumerate(scene.luminaires):
         rows, sides = np.nonzero(scene.luminaire_index == lamp)
-        if not rows.size:
-            continue
         own = patches.take(rows)
-        turn = np.where(sides == 0, 1.0, -1.0)[:, None, None]
-        x = own.evaluate(u, v) + distance * turn * np.nan_to_num(own.normals(u, v))
-        outside = (air.parts_at(x.reshape(-1, 3)) < 0).reshape(len(rows), -1).mean(axis=1)
-        share = float(outside @ areas[rows] / max(float(areas[rows].sum()), 1e-300))
+        n = own.normals(u, v) * np.where(sides == 0, 1.0, -1.0)[:, None, None]
+        x, n = own.evaluate(u, v).reshape(-1, 3), n.reshape(-1, 3)
+        usable = np.isfinite(n).all(axis=1)
+        if usable.any():
+            area = np.repeat(areas[rows] / _SAMPLES**2, _SAMPLES**2)
+            yield luminaire, x[usable], n[usable], area[usable]
+
+
+def _share(found: ArrayLike, areas: FloatArray) -> float:
+    """Share of the area of some points; 1 to the digit for all of them."""
+    mask = np.asarray(found, dtype=bool)
+    return 1.0 if mask.all() else float(areas[mask].sum() / max(float(areas.sum()), 1e-300))
+
+
+def _lamps_outside(scene: SceneData, air: Volumes, distance: float) -> list[str]:
+    """Lamps of which a part does not shine into any air volume."""
+    lines = []
+    for luminaire, x, n, areas in _lamp_points(scene):
+        share = _share(air.parts_at(x + distance * n) < 0, areas)
         if share > 0.0:
-            amount = "all" if outside.min() == 1.0 else f"about {100.0 * share:.0f} %"
+            amount = "all" if share == 1.0 else f"about {100.0 * share:.0f} %"
             lines.append(
                 f"lamp {luminaire.part!r}: {amount} of its emitting faces lies outside the air "
                 f"{_air_names(scene)} or against its walls; that share of its "
@@ -121,32 +138,16 @@ def _dark_lamps(
 ) -> list[str]:
     """Lamps of whose emitting sides a share of ``least`` lies inside or against something."""
     lines = []
-    patches, areas = scene.patches, scene.patches.areas()
-    t = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    u, v = (grid.ravel() for grid in np.meshgrid(t, t))
-    for lamp, luminaire in enumerate(scene.luminaires):
-        rows, sides = np.nonzero(scene.luminaire_index == lamp)
-        if not rows.size:
-            continue
-        own = patches.take(rows)
-        n = own.normals(u, v) * np.where(sides == 0, 1.0, -1.0)[:, None, None]
-        x, n = own.evaluate(u, v).reshape(-1, 3), n.reshape(-1, 3)
-        usable = np.isfinite(n).all(axis=1)
-        buried = np.zeros(len(x), bool)
-        buried[usable] = tester.buried(x[usable], n[usable], distance)
-        weight = np.repeat(areas[rows], _SAMPLES**2) * usable
-        whole = bool(usable.any() and buried[usable].all())
-        share = 1.0 if whole else float(buried @ weight / max(float(weight.sum()), 1e-300))
+    for luminaire, x, n, areas in _lamp_points(scene):
+        buried = tester.buried(x, n, distance)
+        share = _share(buried, areas)
         if share < least:
             continue
         parts = tester.parts_at(x[buried] + distance * n[buried])
         inside = parts[parts >= 0]
         where = f" the solid {scene.parts[inside[0]].path!r}" if inside.size else " other faces"
-        amount, dark = (
-            ("all", "its")
-            if whole
-            else (f"about {100 * share:.0f} %", f"{100 * share:.0f} % of its")
-        )
+        percent = f"{100.0 * share:.0f} %"
+        amount, dark = ("all", "its") if share == 1.0 else (f"about {percent}", f"{percent} of its")
         lines.append(
             f"lamp {luminaire.part!r}: {amount} of its emitting faces lie inside or against{where};"
             f" {dark} {luminaire.flux_lm:g} lm stay dark"

@@ -94,7 +94,7 @@ class RowFinder:
             receivers.patches,
             ask.sources,
             self.blockers,
-            eps=ask.budget.eps * (ask.share if self.trace else FINE_SHARE),
+            eps=self._eps(ask),
             trace=self.trace,
             own=receivers.own,
             lifts=ask.lifts,
@@ -103,6 +103,9 @@ class RowFinder:
         )
         self.stages.count(rows.counters)
         return rows
+
+    def _eps(self, ask: Ask) -> float:
+        return ask.budget.eps * (ask.share if self.trace else FINE_SHARE)
 
     def close(
         self,
@@ -119,10 +122,9 @@ class RowFinder:
         ground as the meridians saw them count among the elements; ``spread`` (m,) is the variance
         of ``totals``. Returns the sums of the rows before the correction.
         """
-        if not self._sums_known or "visibility" in self.stages.skipped:
+        if not self._sums_known or not self.trace:
             return np.asarray(rows.factors.sum(axis=1))
-        eps = ask.budget.eps * ask.share
-        known: dict[str, Any] = {"eps": eps, "outside": outside, "spread": spread}
+        known: dict[str, Any] = {"eps": self._eps(ask), "outside": outside, "spread": spread}
         for level in range(1, LEVELS + 1):
             found = rows_beyond_noise(rows, totals, **known)
             found = found[: -(-len(rows.factors) // FINER**level)]

@@ -201,6 +201,5 @@ def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Block
 
 
 def is_single(blockers: Blockers, shape: IntArray) -> bool:
-    """Whether all there is is one closed solid of a ``shape``: ``.bulging`` or ``.hollow``."""
-    one = blockers.closed.all() and len(np.unique(blockers.solid)) == 1
-    return bool(one and shape[blockers.solid[0]])
+    """Whether all there is is one solid of a ``shape``: ``.bulging`` or ``.hollow``."""
+    return bool(len(np.unique(blockers.solid)) == 1 and shape[blockers.solid[0]])

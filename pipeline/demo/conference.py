@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .shapes import GAP, chair, one_solid, write_files
+from .shapes import CHAIR_MATERIALS, GAP, chair, one_solid, write_files
 
 if TYPE_CHECKING:
     import cadquery as cq
@@ -39,7 +39,8 @@ POTS = ((-3500.0, 2300.0, 0.0, 1.0), (3500.0, 2300.0, 0.0, 1.0), (0.0, 0.0, TABL
 #: Screen at the end of the table without a chair: thickness, width, height, middle. [mm]
 SCREEN, SCREEN_AT = (60.0, 2200.0, 1300.0), (4100.0, 0.0, 1500.0)
 
-SCENE = """\
+SCENE = (
+    """\
 # A conference room in the evening: 24 lamps, no daylight.
 schema_version = 1
 title = "Demo conference room"
@@ -71,14 +72,9 @@ material = { reflectance = 0.8, name = "ceiling, white" }
 parts = "**/table/*"
 material = { reflectance = [0.48, 0.33, 0.20], name = "table, cherry" }
 
-[[assign]]
-parts = "**/chair*/*"
-material = { reflectance = [0.10, 0.22, 0.32], name = "chair, blue" }
-
-[[assign]]
-parts = "**/chair*/leg*"
-material = { reflectance = 0.35, name = "chair legs, steel" }
-
+"""
+    + CHAIR_MATERIALS
+    + """\
 [[assign]]
 parts = "screen"
 material = { reflectance = 0.08, name = "screen, switched off" }
@@ -115,6 +111,7 @@ sensors = "table"
 metric = "E_avg_lx"
 min = 500
 """
+)
 
 
 def room() -> cq.Workplane:

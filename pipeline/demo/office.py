@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .shapes import GAP, chair, one_solid, write_files
+from .shapes import CHAIR_MATERIALS, GAP, chair, one_solid, write_files
 
 if TYPE_CHECKING:
     import cadquery as cq
@@ -23,7 +23,8 @@ WINDOW = (900.0, 900.0, 4200.0, 1500.0)
 DESKS = ((1700.0, 1500.0), (4300.0, 1500.0))
 DESK_TOP = 740.0
 
-SCENE = """\
+SCENE = (
+    """\
 # A side-lit office under an overcast sky with both pendants on.
 schema_version = 1
 title = "Demo office"
@@ -59,14 +60,9 @@ material = { reflectance = 0.5, name = "column, concrete" }
 parts = "**/desk*/*"
 material = { reflectance = [0.55, 0.40, 0.26], name = "desk, oak" }
 
-[[assign]]
-parts = "**/chair*/*"
-material = { reflectance = [0.10, 0.22, 0.32], name = "chair, blue" }
-
-[[assign]]
-parts = "**/chair*/leg*"
-material = { reflectance = 0.35, name = "chair legs, steel" }
-
+"""
+    + CHAIR_MATERIALS
+    + """\
 [[assign]]
 parts = "lamp*"
 emitter = { flux_lm = 3200, cct_k = 4000, group = "lamps", power_w = 26 }
@@ -96,6 +92,7 @@ sensors = "workplane"
 metric = "E_avg_lx"
 min = 300
 """
+)
 
 
 def room() -> cq.Workplane:

@@ -12,6 +12,17 @@ if TYPE_CHECKING:
 
 #: Distance of parts that would touch. [mm]
 GAP = 2.0
+#: What every scene file says of the parts of `chair`.
+CHAIR_MATERIALS = """\
+[[assign]]
+parts = "**/chair*/*"
+material = { reflectance = [0.10, 0.22, 0.32], name = "chair, blue" }
+
+[[assign]]
+parts = "**/chair*/leg*"
+material = { reflectance = 0.35, name = "chair legs, steel" }
+
+"""
 
 
 def one_solid(shape: cq.Workplane) -> cq.Shape:

@@ -66,6 +66,20 @@ def evaluate(net: FloatArray, u: ArrayLike, v: ArrayLike) -> FloatArray:
     return np.asarray(h[..., :3] / h[..., 3:])
 
 
+def _euclidean(
+    h: FloatArray, hu: FloatArray, hv: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points and derivatives (..., 3) from homogeneous ones (..., 4)."""
+    w = h[..., 3:]
+    point = h[..., :3] / w
+    # Quotient rule: (A/w)' = (A' − w' A/w) / w.
+    return (
+        point,
+        (hu[..., :3] - hu[..., 3:] * point) / w,
+        (hv[..., :3] - hv[..., 3:] * point) / w,
+    )
+
+
 def tangents(
     net: FloatArray, u: ArrayLike, v: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -75,14 +89,7 @@ def tangents(
     h = np.einsum("...i,...j,ijk->...k", bu, bv, net, optimize=True)
     hu = np.einsum("...i,...j,ijk->...k", du, bv, net, optimize=True)
     hv = np.einsum("...i,...j,ijk->...k", bu, dv, net, optimize=True)
-    w = h[..., 3:]
-    point = h[..., :3] / w
-    # Quotient rule: (A/w)' = (A' − w' A/w) / w.
-    return (
-        point,
-        (hu[..., :3] - hu[..., 3:] * point) / w,
-        (hv[..., :3] - hv[..., 3:] * point) / w,
-    )
+    return _euclidean(h, hu, hv)
 
 
 def surface_points(
@@ -96,13 +103,7 @@ def surface_points(
         (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 16) @ flat
         for a, b in ((bu, bv), (du, bv), (bu, dv))
     )
-    w = h[..., 3:]
-    point = h[..., :3] / w
-    return (
-        point,
-        (hu[..., :3] - hu[..., 3:] * point) / w,
-        (hv[..., :3] - hv[..., 3:] * point) / w,
-    )
+    return _euclidean(h, hu, hv)
 
 
 def gauss_rule(order: int) -> tuple[FloatArray, FloatArray]:
@@ -135,10 +136,7 @@ def areas(nets: FloatArray, *, order: int = 6, pieces: int = 2) -> FloatArray:
         part = nets[start : start + step]
         every = basis @ part.reshape(len(part), 16, 4)
         h, hu, hv = every[:, :q], every[:, q : 2 * q], every[:, 2 * q :]
-        w_h = h[..., 3:]
-        p = h[..., :3] / w_h
-        su = (hu[..., :3] - hu[..., 3:] * p) / w_h
-        sv = (hv[..., :3] - hv[..., 3:] * p) / w_h
+        _, su, sv = _euclidean(h, hu, hv)
         jacobian = np.linalg.norm(np.cross(su, sv), axis=-1)
         total[start : start + step] = jacobian @ weights
     return total
