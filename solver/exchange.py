@@ -17,12 +17,13 @@ from .memory import check_matrix
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.sky import CIESky
+from .quadrics import fit_quadrics, turned
 from .skies import sky_tone
 from .tables import make_edges, meridians, near_ratio, no_facets
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
-#: Rows per kernel call: short enough to report progress and to obey Ctrl-C.
-ROWS_PER_BLOCK = 64
+#: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.
+ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 64, 16384
 #: Rows of variances converted at a time, which then stay in the processor's cache.
 CONVERTED_ROWS = 16
 #: How often a partly hidden element is quartered at most.
@@ -117,6 +118,9 @@ def make_sources(
         cones=normal_cones(elements.nets),
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
+        quadrics=writable(
+            turned(fit_quadrics(patch_nets)[elements.patch_index], elements.side == 1)
+        ),
         cell_eps=writable(cell_eps),
         patch=writable(elements.patch_index, np.int64),
         group=writable(np.stack([first, end, patch], axis=1), np.int64),
@@ -188,11 +192,12 @@ def form_factor_matrix(
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
     outside = np.zeros((m, 5))
     # Without a sky its form factor is still asked for: one of 1 cd/m² all over tells its variance.
-    tone = sky_tone(CIESky(5, diffuse_illuminance_lx=np.pi) if sky is None else sky)
+    tone = sky_tone(CIESky(5, zenith_luminance_cd_m2=1.0) if sky is None else sky)
     own = np.full(m, -1) if own is None else own
     lifts = np.zeros(m) if lifts is None else lifts
-    for start in range(0, m, ROWS_PER_BLOCK):
-        rows = slice(start, min(start + ROWS_PER_BLOCK, m))
+    block = max(ROWS_PER_BLOCK, PAIRS_PER_BLOCK // max(n, 1))
+    for start in range(0, m, block):
+        rows = slice(start, min(start + block, m))
         form_factor_rows(
             writable(nodes[rows]),
             writable(normals[rows]),

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -271,14 +272,17 @@ def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntA
     Points in a plane need no telling: they see it edge-on. Newton's iteration from the nearest of
     9 x 9 points of the surface.
     """
+    from .quadrics import fit_quadrics, heights_over
     from .topology import PLANAR, bounding_spheres
 
     out = np.full(len(points), -1, dtype=np.int64)
-    spheres = bounding_spheres(nets)
+    spheres, quadrics = bounding_spheres(nets), fit_quadrics(nets)
     t = np.linspace(0.0, 1.0, 9)
     grid = [g.ravel() for g in np.meshgrid(t, t, indexing="ij")]
     for p in np.flatnonzero((flags & PLANAR) == 0):
         near = np.linalg.norm(points - spheres[p, :3], axis=1) <= spheres[p, 3]
+        if quadrics[p].any():
+            near[near] = np.abs(heights_over(quadrics[p], points[near])) <= 1e-8 * spheres[p, 3]
         if not near.any():
             continue
         at, _, _ = tangents(nets[p], *grid)
@@ -311,6 +315,7 @@ def _lie_on(
 def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources:
     """Every net as a source element of its own."""
     from .kernels.rows import Sources
+    from .quadrics import fit_quadrics
     from .tables import make_edges, meridians, no_facets
     from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
@@ -322,6 +327,7 @@ def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources
         cones=cones,
         spheres=spheres,
         flags=shape_flags(nets),
+        quadrics=fit_quadrics(nets),
         cell_eps=writable(cell_eps),
         patch=writable(place, np.int64),
         group=np.stack([rows, rows + 1, place], axis=1),
@@ -418,6 +424,39 @@ def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
 
 
 def _estimated(
+    x: FloatArray,
+    n: FloatArray,
+    share: FloatArray,
+    on: IntArray,
+    sources: Sources,
+    surfaces: Blockers,
+    plain: Rows,
+    accuracy: float,
+) -> FormFactors:
+    """The contour of what is seen, and other methods where that does not serve."""
+    from .visible import visible_factors
+
+    value, left = visible_factors(x, n, share, on, sources, surfaces, plain.factors, accuracy)
+    error = 0.1 * accuracy * plain.factors + ABSOLUTE
+    low, high = np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
+    counters = {**plain.counters, "pairs_by_contour": int((~left).sum())}
+    rows = np.flatnonzero(left.any(axis=1))
+    if len(rows):
+        own = replace(
+            plain,
+            factors=plain.factors[rows],
+            variances=plain.variances[rows],
+            outside=plain.outside[rows],
+        )
+        rest = _sampled(x[rows], n[rows], share[rows], on[rows], sources, surfaces, own, accuracy)
+        for ours, theirs in ((value, rest.value), (low, rest.low), (high, rest.high)):
+            ours[rows] = np.where(left[rows], theirs, ours[rows])
+        for name, number in rest.counters.items():
+            counters[name] = counters.get(name, 0) + number
+    return FormFactors(value, low, high, False, counters)
+
+
+def _sampled(
     x: FloatArray,
     n: FloatArray,
     share: FloatArray,

@@ -62,7 +62,9 @@ def _unoccluded(
             if found[j] == NEAR:
                 front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
                 shift_net(sources.nets[j], x, s)
-                factors[j] = patch_factor(s, n, sources.cones[j], front, digits, rounding)
+                factors[j] = patch_factor(
+                    s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
+                )
             if factors[j] == 0.0:
                 counters[DARK_PAIRS] += 1
 

@@ -133,91 +133,110 @@ def is_great_circle(c, sagitta, rounding):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _curve_order(c, a, b, log_eps):
+    """Gauss points that reach exp(−``log_eps``) on [a, b]; more than 12 where it must be halved.
+
+    From the pole of 1/|H|² nearest to the interval (Bernstein ellipse).
+    """
+    half = 0.5 * (b - a)
+    t = a + half
+    r = 1.0 - t
+    b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
+    e0, e1, e2 = 3.0 * r * r, 6.0 * t * r, 3.0 * t * t
+    hx = b0 * c[0, 0] + b1 * c[1, 0] + b2 * c[2, 0] + b3 * c[3, 0]
+    hy = b0 * c[0, 1] + b1 * c[1, 1] + b2 * c[2, 1] + b3 * c[3, 1]
+    hz = b0 * c[0, 2] + b1 * c[1, 2] + b2 * c[2, 2] + b3 * c[3, 2]
+    gx = e0 * (c[1, 0] - c[0, 0]) + e1 * (c[2, 0] - c[1, 0]) + e2 * (c[3, 0] - c[2, 0])
+    gy = e0 * (c[1, 1] - c[0, 1]) + e1 * (c[2, 1] - c[1, 1]) + e2 * (c[3, 1] - c[2, 1])
+    gz = e0 * (c[1, 2] - c[0, 2]) + e1 * (c[2, 2] - c[1, 2]) + e2 * (c[3, 2] - c[2, 2])
+    speed2 = gx * gx + gy * gy + gz * gz
+    if speed2 == 0.0:
+        return 3
+    foot = -(hx * gx + hy * gy + hz * gz) / speed2 / half
+    mx, my, mz = hy * gz - hz * gy, hz * gx - hx * gz, hx * gy - hy * gx
+    away = math.sqrt(mx * mx + my * my + mz * mz) / speed2 / half
+    away2 = away * away
+    big = 0.5 * (math.sqrt((foot - 1.0) ** 2 + away2) + math.sqrt((foot + 1.0) ** 2 + away2))
+    rho = big + math.sqrt(max(big * big - 1.0, 0.0))
+    # Far away the integrand's pole is where |H|, then the weight, would vanish: estimated from its
+    # slope and its bend over the interval.
+    ga = _cubic_length(c, a)
+    gb = _cubic_length(c, b)
+    mean = 0.5 * (ga + gb)
+    slope = 0.5 * abs(gb - ga) / mean
+    bend = abs(1.0 - math.sqrt(hx * hx + hy * hy + hz * hz) / mean)
+    if slope > 1e-3:
+        rho = min(rho, 1.0 / slope + math.sqrt(max(1.0 / (slope * slope) - 1.0, 0.0)))
+    if bend > 1e-6:
+        z2 = max(1.0 / bend - 1.0, 0.0)
+        rho = min(rho, math.sqrt(z2) + math.sqrt(z2 + 1.0))
+    if rho > 1.5:
+        return max(3, int(log_eps / (2.0 * math.log(rho))) + 2)
+    return 99
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _cubic_length(c, t):
+    """|H(t)|."""
+    x = cubic(c[0, 0], c[1, 0], c[2, 0], c[3, 0], t)
+    y = cubic(c[0, 1], c[1, 1], c[2, 1], c[3, 1], t)
+    z = cubic(c[0, 2], c[1, 2], c[2, 2], c[3, 2], t)
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _curve_part(c, a, b, n, order):
+    """∫ n · (H × H')/|H|² dt over [a, b] by Gauss' rule of one order."""
+    part = 0.0
+    for g in range(GAUSS_START[order], GAUSS_START[order + 1]):
+        t = a + (b - a) * GAUSS_NODES[g]
+        r = 1.0 - t
+        b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
+        e0, e1, e2 = 3.0 * r * r, 6.0 * t * r, 3.0 * t * t
+        hx = b0 * c[0, 0] + b1 * c[1, 0] + b2 * c[2, 0] + b3 * c[3, 0]
+        hy = b0 * c[0, 1] + b1 * c[1, 1] + b2 * c[2, 1] + b3 * c[3, 1]
+        hz = b0 * c[0, 2] + b1 * c[1, 2] + b2 * c[2, 2] + b3 * c[3, 2]
+        gx = e0 * (c[1, 0] - c[0, 0]) + e1 * (c[2, 0] - c[1, 0]) + e2 * (c[3, 0] - c[2, 0])
+        gy = e0 * (c[1, 1] - c[0, 1]) + e1 * (c[2, 1] - c[1, 1]) + e2 * (c[3, 1] - c[2, 1])
+        gz = e0 * (c[1, 2] - c[0, 2]) + e1 * (c[2, 2] - c[1, 2]) + e2 * (c[3, 2] - c[2, 2])
+        top = n[0] * (hy * gz - hz * gy) + n[1] * (hz * gx - hx * gz) + n[2] * (hx * gy - hy * gx)
+        part += GAUSS_WEIGHTS[g] * top / (hx * hx + hy * hy + hz * hz + 1e-100)
+    return part * (b - a)
+
+
+@nb.njit(cache=True, error_model="numpy")
 def curve_term(c, ta, tb, n, eps):
     """∫ n · (H × H')/|H|² dt of a curved edge over [ta, tb].
 
-    The order follows from the pole of 1/|H|² nearest to the interval (Bernstein ellipse); where it
-    would exceed 12 the interval is halved. At most 64 intervals wait and 400 are visited, which
-    reaches 1e-12 of the edge; a point on the edge itself then gets the principal value.
+    Where the order would exceed 12 the interval is halved. At most 64 intervals wait and 400 are
+    visited, which reaches 1e-12 of the edge; a point on the edge itself then gets the principal
+    value.
     """
-    stack = np.empty((64, 2))
-    stack[0, 0], stack[0, 1] = ta, tb
-    ends = np.empty(3)
-    top = 1
-    total = 0.0
     log_eps = -math.log(eps)
-    d = np.empty((3, 3))
-    for k in range(3):
-        d[0, k] = 3.0 * (c[1, k] - c[0, k])
-        d[1, k] = 3.0 * (c[2, k] - c[1, k])
-        d[2, k] = 3.0 * (c[3, k] - c[2, k])
+    order = _curve_order(c, ta, tb, log_eps)
+    if order <= 12:
+        return _curve_part(c, ta, tb, n, order)
+    stack = np.empty((64, 2))
+    mid = 0.5 * (ta + tb)
+    stack[0, 0], stack[0, 1] = mid, tb
+    stack[1, 0], stack[1, 1] = ta, mid
+    top = 2
+    total = 0.0
     for _ in range(400):
         if top == 0:
             break
         top -= 1
         a, b = stack[top, 0], stack[top, 1]
-        half = 0.5 * (b - a)
-        t = a + half
-        r = 1.0 - t
-        b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
-        e0, e1, e2 = r * r, 2.0 * t * r, t * t
-        hx = b0 * c[0, 0] + b1 * c[1, 0] + b2 * c[2, 0] + b3 * c[3, 0]
-        hy = b0 * c[0, 1] + b1 * c[1, 1] + b2 * c[2, 1] + b3 * c[3, 1]
-        hz = b0 * c[0, 2] + b1 * c[1, 2] + b2 * c[2, 2] + b3 * c[3, 2]
-        gx = e0 * d[0, 0] + e1 * d[1, 0] + e2 * d[2, 0]
-        gy = e0 * d[0, 1] + e1 * d[1, 1] + e2 * d[2, 1]
-        gz = e0 * d[0, 2] + e1 * d[1, 2] + e2 * d[2, 2]
-        speed2 = gx * gx + gy * gy + gz * gz
-        order = 3
-        if speed2 > 0.0:
-            foot = -(hx * gx + hy * gy + hz * gz) / speed2 / half
-            mx, my, mz = hy * gz - hz * gy, hz * gx - hx * gz, hx * gy - hy * gx
-            away = math.sqrt(mx * mx + my * my + mz * mz) / speed2 / half
-            big = 0.5 * (math.hypot(foot - 1.0, away) + math.hypot(foot + 1.0, away))
-            rho = big + math.sqrt(max(big * big - 1.0, 0.0))
-            # Far away the integrand's pole is where |H|, then the weight, would vanish: estimated
-            # from its slope and its bend over the interval.
-            cubic_point(c, a, ends)
-            ga = math.sqrt(ends[0] ** 2 + ends[1] ** 2 + ends[2] ** 2)
-            cubic_point(c, b, ends)
-            gb = math.sqrt(ends[0] ** 2 + ends[1] ** 2 + ends[2] ** 2)
-            gm = math.sqrt(hx * hx + hy * hy + hz * hz)
-            mean = 0.5 * (ga + gb)
-            slope = 0.5 * abs(gb - ga) / mean
-            bend = abs(1.0 - gm / mean)
-            if slope > 1e-3:
-                rho = min(rho, 1.0 / slope + math.sqrt(max(1.0 / (slope * slope) - 1.0, 0.0)))
-            if bend > 1e-6:
-                z2 = max(1.0 / bend - 1.0, 0.0)
-                rho = min(rho, math.sqrt(z2) + math.sqrt(z2 + 1.0))
-            if rho > 1.5:
-                order = max(3, int(log_eps / (2.0 * math.log(rho))) + 2)
-            else:
-                order = 99
+        order = _curve_order(c, a, b, log_eps)
         if order > 12:
-            if top + 2 <= 64 and half > 1e-13:
-                stack[top, 0], stack[top, 1] = t, b
-                stack[top + 1, 0], stack[top + 1, 1] = a, t
+            if top + 2 <= 64 and b - a > 2e-13:
+                mid = 0.5 * (a + b)
+                stack[top, 0], stack[top, 1] = mid, b
+                stack[top + 1, 0], stack[top + 1, 1] = a, mid
                 top += 2
                 continue
             order = 12
-        part = 0.0
-        for g in range(GAUSS_START[order], GAUSS_START[order + 1]):
-            t = a + 2.0 * half * GAUSS_NODES[g]
-            r = 1.0 - t
-            b0, b1, b2, b3 = r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t
-            e0, e1, e2 = r * r, 2.0 * t * r, t * t
-            hx = b0 * c[0, 0] + b1 * c[1, 0] + b2 * c[2, 0] + b3 * c[3, 0]
-            hy = b0 * c[0, 1] + b1 * c[1, 1] + b2 * c[2, 1] + b3 * c[3, 1]
-            hz = b0 * c[0, 2] + b1 * c[1, 2] + b2 * c[2, 2] + b3 * c[3, 2]
-            gx = e0 * d[0, 0] + e1 * d[1, 0] + e2 * d[2, 0]
-            gy = e0 * d[0, 1] + e1 * d[1, 1] + e2 * d[2, 1]
-            gz = e0 * d[0, 2] + e1 * d[1, 2] + e2 * d[2, 2]
-            num = (
-                n[0] * (hy * gz - hz * gy) + n[1] * (hz * gx - hx * gz) + n[2] * (hx * gy - hy * gx)
-            )
-            part += GAUSS_WEIGHTS[g] * num / (hx * hx + hy * hy + hz * hz + 1e-100)
-        total += 2.0 * half * part
+        total += _curve_part(c, a, b, n, order)
     return total
 
 
@@ -226,10 +245,15 @@ def edge_term(c, ta, tb, n, eps):
     """Contour term of edge ``c`` over [ta, tb]; closed form where it is straight seen from x."""
     # Below 1e-11 the sagitta is invisible.
     if is_great_circle(c, 1e-11, 1e-15):
-        p, q = np.empty(3), np.empty(3)
-        cubic_point(c, ta, p)
-        cubic_point(c, tb, q)
-        return chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
+        return chord_term(
+            cubic(c[0, 0], c[1, 0], c[2, 0], c[3, 0], ta),
+            cubic(c[0, 1], c[1, 1], c[2, 1], c[3, 1], ta),
+            cubic(c[0, 2], c[1, 2], c[2, 2], c[3, 2], ta),
+            cubic(c[0, 0], c[1, 0], c[2, 0], c[3, 0], tb),
+            cubic(c[0, 1], c[1, 1], c[2, 1], c[3, 1], tb),
+            cubic(c[0, 2], c[1, 2], c[2, 2], c[3, 2], tb),
+            n,
+        )
     return curve_term(c, ta, tb, n, eps)
 
 
@@ -240,63 +264,66 @@ def cubic(s0, s1, s2, s3, t):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _monotone_root(s0, s1, s2, s3, lo, hi):
+    """Sign change of a Bernstein cubic where it is monotone; −1 where it has none."""
+    flo, fhi = cubic(s0, s1, s2, s3, lo), cubic(s0, s1, s2, s3, hi)
+    if (flo > 0.0) == (fhi > 0.0):
+        return -1.0
+    for step in range(200):  # bisection with a secant guess: never leaves the bracket
+        mid = 0.5 * (lo + hi)
+        if fhi != flo:
+            guess = lo - flo * (hi - lo) / (fhi - flo)
+            if lo < guess < hi and step % 3 != 2:
+                mid = guess
+        if hi - lo <= 2e-16 or mid <= lo or mid >= hi:
+            break
+        fm = cubic(s0, s1, s2, s3, mid)
+        if fm == 0.0:
+            return mid
+        if (fm > 0.0) == (flo > 0.0):
+            lo, flo = mid, fm
+        else:
+            hi, fhi = mid, fm
+    return 0.5 * (lo + hi)
+
+
+@nb.njit(cache=True, error_model="numpy")
 def sign_breaks(s0, s1, s2, s3, out):
     """Write 0, the sign changes of a Bernstein cubic inside (0, 1), and 1 into ``out`` (8,).
 
     The extrema of the cubic bound intervals on which it is monotone; each holds at most one root.
     """
-    a = s3 - 3.0 * s2 + 3.0 * s1 - s0
-    b = s2 - 2.0 * s1 + s0
-    c = s1 - s0
-    cuts = np.empty(4)
-    cuts[0] = 0.0
-    m = 1
-    if a == 0.0:
-        if b != 0.0 and 0.0 < -0.5 * c / b < 1.0:
-            cuts[m] = -0.5 * c / b
-            m += 1
-    else:
-        disc = b * b - a * c
-        if disc > 0.0:
-            # Stable roots of a t² + 2 b t + c.
-            q = -(b + math.copysign(math.sqrt(disc), b))
-            t1, t2 = q / a, (c / q if q != 0.0 else -1.0)
-            if t1 > t2:
-                t1, t2 = t2, t1
-            if 0.0 < t1 < 1.0:
-                cuts[m] = t1
-                m += 1
-            if 0.0 < t2 < 1.0:
-                cuts[m] = t2
-                m += 1
-    cuts[m] = 1.0
-    count = 1
     out[0] = 0.0
-    for k in range(m):
-        lo, hi = cuts[k], cuts[k + 1]
-        flo, fhi = cubic(s0, s1, s2, s3, lo), cubic(s0, s1, s2, s3, hi)
-        if (flo > 0.0) == (fhi > 0.0):
-            continue
-        for _ in range(200):  # bisection with a secant guess: never leaves the bracket
-            mid = 0.5 * (lo + hi)
-            if fhi != flo:
-                guess = lo - flo * (hi - lo) / (fhi - flo)
-                if lo < guess < hi and _ % 3 != 2:
-                    mid = guess
-            if hi - lo <= 2e-16 or mid <= lo or mid >= hi:
-                break
-            fm = cubic(s0, s1, s2, s3, mid)
-            if fm == 0.0:
-                lo = hi = mid
-                break
-            if (fm > 0.0) == (flo > 0.0):
-                lo, flo = mid, fm
-            else:
-                hi, fhi = mid, fm
-        root = 0.5 * (lo + hi)
-        if root > out[count - 1] and root < 1.0:
-            out[count] = root
-            count += 1
+    count = 1
+    if not (
+        (s0 > 0.0 and s1 > 0.0 and s2 > 0.0 and s3 > 0.0)
+        or (s0 <= 0.0 and s1 <= 0.0 and s2 <= 0.0 and s3 <= 0.0)
+    ):
+        a = s3 - 3.0 * s2 + 3.0 * s1 - s0
+        b = s2 - 2.0 * s1 + s0
+        c = s1 - s0
+        t1 = t2 = -1.0
+        if a == 0.0:
+            if b != 0.0:
+                t1 = -0.5 * c / b
+        else:
+            disc = b * b - a * c
+            if disc > 0.0:
+                # Stable roots of a t² + 2 b t + c.
+                q = -(b + math.copysign(math.sqrt(disc), b))
+                t1, t2 = q / a, (c / q if q != 0.0 else -1.0)
+                if t1 > t2:
+                    t1, t2 = t2, t1
+        lo = 0.0
+        for k in range(3):
+            hi = t1 if k == 0 else (t2 if k == 1 else 1.0)
+            if not lo < hi or hi > 1.0:
+                continue
+            root = _monotone_root(s0, s1, s2, s3, lo, hi)
+            if root > out[count - 1] and root < 1.0:
+                out[count] = root
+                count += 1
+            lo = hi
     out[count] = 1.0
     return count + 1
 
@@ -370,82 +397,121 @@ def horizon_tolerance(x):
     return 4e-15 * (abs(x[0]) + abs(x[1]) + abs(x[2]))
 
 
+#: Slots of the state of a walk along a closed contour: the sum so far, whether it is above the
+#: horizon, has begun, has an open exit, has a first entry, the sum of the sizes of its pieces; then
+#: the points of exit and entry, and of its beginning.
+_TOTAL, _ABOVE, _BEGAN, _HAS_EXIT, _HAS_ENTRY, _SIZE, _EXIT, _ENTRY, _START = (
+    0, 1, 2, 3, 4, 5, 6, 9, 12,
+)  # fmt: skip
+WALK = 15
+
+
+@nb.njit(cache=True, error_model="numpy")
+def begin_walk(walk):
+    """Make the state ``walk`` (`WALK`,) ready for a closed contour."""
+    for k in range(_EXIT):
+        walk[k] = 0.0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def walk_piece(c, n, eps, rounding, breaks, walk):
+    """Add the part above the horizon of the contour's next piece, the cubic ``c`` (4, 3).
+
+    ``breaks`` (8,) is scratch.
+    """
+    size = 0.0
+    for i in range(1, 4):
+        size = max(size, abs(c[i, 0] - c[0, 0]) + abs(c[i, 1] - c[0, 1]) + abs(c[i, 2] - c[0, 2]))
+    scale = abs(c[0, 0]) + abs(c[0, 1]) + abs(c[0, 2])
+    if walk[_BEGAN] == 0.0:
+        for k in range(3):
+            walk[_START + k] = c[0, k]
+    if size <= 1e-15 * scale:
+        return  # collapsed edge (a pole): no length, no light
+    s0 = n[0] * c[0, 0] + n[1] * c[0, 1] + n[2] * c[0, 2]
+    s1 = n[0] * c[1, 0] + n[1] * c[1, 1] + n[2] * c[1, 2]
+    s2 = n[0] * c[2, 0] + n[1] * c[2, 1] + n[2] * c[2, 2]
+    s3 = n[0] * c[3, 0] + n[1] * c[3, 1] + n[2] * c[3, 2]
+    zero = rounding + 4e-16 * (scale + size)
+    if abs(s0) <= zero:
+        s0 = 0.0
+    if abs(s1) <= zero:
+        s1 = 0.0
+    if abs(s2) <= zero:
+        s2 = 0.0
+    if abs(s3) <= zero:
+        s3 = 0.0
+    low = min(min(s0, s1), min(s2, s3))
+    high = max(max(s0, s1), max(s2, s3))
+    # An edge in the horizon may wrap far about the receiver: it is followed, not closed.
+    level = low == 0.0 and high == 0.0
+    if low >= 0.0 or high <= 0.0:
+        count = 2
+        breaks[0], breaks[1] = 0.0, 1.0
+    else:
+        count = sign_breaks(s0, s1, s2, s3, breaks)
+    for m in range(count - 1):
+        ta, tb = breaks[m], breaks[m + 1]
+        up = level or (high > 0.0 and cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0)
+        if up == (walk[_ABOVE] > 0.0) and not up:
+            walk[_BEGAN] = 1.0
+            continue
+        if up != (walk[_ABOVE] > 0.0):
+            hx = cubic(c[0, 0], c[1, 0], c[2, 0], c[3, 0], ta)
+            hy = cubic(c[0, 1], c[1, 1], c[2, 1], c[3, 1], ta)
+            hz = cubic(c[0, 2], c[1, 2], c[2, 2], c[3, 2], ta)
+            if not up:
+                walk[_EXIT], walk[_EXIT + 1], walk[_EXIT + 2] = hx, hy, hz
+                walk[_HAS_EXIT] = 1.0
+            elif walk[_HAS_EXIT] > 0.0:
+                walk[_TOTAL] += _closing_angle(
+                    walk[_EXIT], walk[_EXIT + 1], walk[_EXIT + 2], hx, hy, hz, n
+                )
+                walk[_HAS_EXIT] = 0.0
+            elif walk[_BEGAN] > 0.0:
+                walk[_ENTRY], walk[_ENTRY + 1], walk[_ENTRY + 2] = hx, hy, hz
+                walk[_HAS_ENTRY] = 1.0
+            walk[_ABOVE] = 1.0 if up else 0.0
+        if up:
+            part = _turned_angle(c, n) if level else edge_term(c, ta, tb, n, eps)
+            walk[_TOTAL] += part
+            walk[_SIZE] += abs(part)
+        walk[_BEGAN] = 1.0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def end_walk(n, walk):
+    """Signed form factor of what the contour encloses above the horizon."""
+    if walk[_HAS_EXIT] > 0.0:
+        # Without an entry it began above the horizon and ends below it, at its first point.
+        to = _ENTRY if walk[_HAS_ENTRY] > 0.0 else _START
+        walk[_TOTAL] += _closing_angle(
+            walk[_EXIT], walk[_EXIT + 1], walk[_EXIT + 2], walk[to], walk[to + 1], walk[to + 2], n
+        )
+    elif walk[_ABOVE] > 0.0 and walk[_HAS_ENTRY] > 0.0:
+        # It began below and ends above: the first entry closes at the first point.
+        walk[_TOTAL] += _closing_angle(
+            walk[_START], walk[_START + 1], walk[_START + 2],
+            walk[_ENTRY], walk[_ENTRY + 1], walk[_ENTRY + 2], n,
+        )  # fmt: skip
+    return -walk[_TOTAL] / TWO_PI
+
+
+@nb.njit(cache=True, error_model="numpy")
+def walk_size(walk):
+    """Form factor that the pieces above the horizon would add up to if none cancelled."""
+    return walk[_SIZE] / TWO_PI
+
+
 @nb.njit(cache=True, error_model="numpy")
 def contour_factor(s, n, eps, rounding):
     """Signed form factor of the part of the shifted net ``s`` above the horizon.
 
     Positive when the +normal side is seen. ``rounding`` is `horizon_tolerance` of the receiver.
     """
-    c = np.empty((4, 3))
-    breaks = np.empty(8)
-    h = np.empty(3)
-    total = 0.0
-    above = False
-    began = False  # whether the first interval has been seen
-    have_exit = False
-    have_first_entry = False
-    ex = ey = ez = 0.0
-    fx = fy = fz = 0.0
+    c, breaks, walk = np.empty((4, 3)), np.empty(8), np.empty(WALK)
+    begin_walk(walk)
     for k in range(4):
         load_edge(s, k, c)
-        size = 0.0
-        for i in range(1, 4):
-            size = max(
-                size, abs(c[i, 0] - c[0, 0]) + abs(c[i, 1] - c[0, 1]) + abs(c[i, 2] - c[0, 2])
-            )
-        scale = abs(c[0, 0]) + abs(c[0, 1]) + abs(c[0, 2])
-        if size <= 1e-15 * scale:
-            continue  # collapsed edge (a pole): no length, no light
-        s0 = n[0] * c[0, 0] + n[1] * c[0, 1] + n[2] * c[0, 2]
-        s1 = n[0] * c[1, 0] + n[1] * c[1, 1] + n[2] * c[1, 2]
-        s2 = n[0] * c[2, 0] + n[1] * c[2, 1] + n[2] * c[2, 2]
-        s3 = n[0] * c[3, 0] + n[1] * c[3, 1] + n[2] * c[3, 2]
-        zero = rounding + 4e-16 * (scale + size)
-        if abs(s0) <= zero:
-            s0 = 0.0
-        if abs(s1) <= zero:
-            s1 = 0.0
-        if abs(s2) <= zero:
-            s2 = 0.0
-        if abs(s3) <= zero:
-            s3 = 0.0
-        low = min(min(s0, s1), min(s2, s3))
-        high = max(max(s0, s1), max(s2, s3))
-        # An edge in the horizon may wrap far about the receiver: it is followed, not closed.
-        level = low == 0.0 and high == 0.0
-        if low >= 0.0 or high <= 0.0:
-            count = 2
-            breaks[0], breaks[1] = 0.0, 1.0
-        else:
-            count = sign_breaks(s0, s1, s2, s3, breaks)
-        for m in range(count - 1):
-            ta, tb = breaks[m], breaks[m + 1]
-            up = level or (high > 0.0 and cubic(s0, s1, s2, s3, 0.5 * (ta + tb)) > 0.0)
-            if up:
-                if not above:
-                    cubic_point(c, ta, h)
-                    if have_exit:
-                        total += _closing_angle(ex, ey, ez, h[0], h[1], h[2], n)
-                        have_exit = False
-                    elif began:
-                        have_first_entry = True
-                        fx, fy, fz = h[0], h[1], h[2]
-                    above = True
-                total += _turned_angle(c, n) if level else edge_term(c, ta, tb, n, eps)
-            elif above:
-                cubic_point(c, ta, h)
-                ex, ey, ez = h[0], h[1], h[2]
-                have_exit = True
-                above = False
-            began = True
-    if have_exit and have_first_entry:
-        total += _closing_angle(ex, ey, ez, fx, fy, fz, n)
-    elif have_exit:
-        # The loop began above the horizon and ends below it, at its first point.
-        load_edge(s, 0, c)
-        total += _closing_angle(ex, ey, ez, c[0, 0], c[0, 1], c[0, 2], n)
-    elif above and have_first_entry:
-        # It began below and ends above: the first entry closes at the first point.
-        load_edge(s, 0, c)
-        total += _closing_angle(c[0, 0], c[0, 1], c[0, 2], fx, fy, fz, n)
-    return -total / TWO_PI
+        walk_piece(c, n, eps, rounding, breaks, walk)
+    return end_walk(n, walk)

@@ -39,7 +39,7 @@ def dome_rows(
     for i in nb.prange(nodes.shape[0]):
         scratch = make_scratch(p, levels)
         listed = np.empty(p + 1, dtype=np.int64)
-        s, found, cone = np.empty((4, 4, 4)), np.empty(4), np.zeros(4)
+        s, found, cone, plain = np.empty((4, 4, 4)), np.empty(4), np.zeros(4), np.zeros((5, 4))
         x, n = np.empty(3), np.empty(3)
         for q in range(nodes.shape[1]):
             w = weights[i, q]
@@ -61,7 +61,7 @@ def dome_rows(
                 if high <= 0.0:
                     continue
                 visible_factor(
-                    s, x, n, cone, front, nowhere, eps, cell_eps, rounding, tone, blockers,
+                    s, x, n, cone, front, plain, nowhere, eps, cell_eps, rounding, tone, blockers,
                     listed, count, scratch, found,
                 )  # fmt: skip
                 out[i, 0] += w * found[0]

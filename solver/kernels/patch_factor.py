@@ -2,7 +2,8 @@
 
 The contour of `contour.contour_factor` is right only where the net is seen from its + side
 throughout and does not dip through the horizon inside its boundary. Elsewhere the net is
-quartered; a piece that shows both sides is cut along its silhouette (`silhouette`). Where that is
+quartered; a piece that shows both sides is cut along its silhouette, which is a conic where the
+surface is a quadric (`quadric`), or else found by Newton's iteration (`silhouette`). Where that is
 no single smooth arc, down to small pieces, a chord in (u, v) stands for it. At the silhouette the
 integrand of the form factor vanishes, so a displacement δ of the cut changes the factor by O(δ²)
 only: with pieces of angle θ the error falls as θ⁴.
@@ -24,6 +25,7 @@ from .nets import (
     heights,
     normal_cone,
 )
+from .quadric import quadric_factor
 from .silhouette import ALL_BACK, ALL_FRONT, arc_leaf, chord_leaf, front_count
 
 #: Quarterings of a net nearer than its cells are large.
@@ -95,19 +97,21 @@ def _modulo_whole(value):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def patch_factor(s, n, cone, flags, eps, rounding):
+def patch_factor(s, x, n, cone, flags, quadric, eps, rounding):
     """Form factor, ignoring other surfaces, of the lit side of shifted net ``s`` above the horizon.
 
     Parameters
     ----------
     s : (4, 4, 4) array
         Net relative to the receiver (`contour.shift_net`).
-    n : (3,) array
-        Receiver normal.
+    x, n : (3,) array
+        Receiver and its normal.
     cone : (4,) array
         Axis and sine of the half-angle of the net's normals (`normal_cone`).
     flags : int
         `ALWAYS_FRONT` skips the facing tests.
+    quadric : (5, 4) array
+        Quadric the net lies on, as in `quadric.polar_plane`.
     eps : float
         Relative accuracy wanted.
     rounding : float
@@ -116,6 +120,11 @@ def patch_factor(s, n, cone, flags, eps, rounding):
     low, inner, high = heights(s, n)
     if high <= rounding:
         return 0.0
+    curved = quadric[4, 3] != 0.0 and not flags & ALWAYS_FRONT
+    if curved:
+        value = quadric_factor(s, x, n, quadric, eps, rounding)
+        if value >= 0.0:
+            return value
     facing = 1 if flags & ALWAYS_FRONT else facing_of(s, cone, rounding)
     if facing < 0:
         return 0.0
@@ -146,6 +155,11 @@ def patch_factor(s, n, cone, flags, eps, rounding):
         low, inner, high = heights(cell, n)
         if high <= rounding:
             continue
+        if curved and level > 0:
+            value = quadric_factor(cell, x, n, quadric, eps, rounding)
+            if value >= 0.0:
+                total += value
+                continue
         facing = 1
         if not flags & ALWAYS_FRONT:
             normal_cone(cell, own)

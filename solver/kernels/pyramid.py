@@ -509,8 +509,8 @@ def _mean_luminance(s, n, tone, h, hu, hv):
 
 @nb.njit(cache=True, error_model="numpy")
 def visible_factor(
-    s0, x, n, cone0, flags, solid, eps, cell_eps, rounding, tone, blockers, listed0, count0,
-    scratch, out,
+    s0, x, n, cone0, flags, quadric, solid, eps, cell_eps, rounding, tone, blockers, listed0,
+    count0, scratch, out,
 ):  # fmt: skip
     """Form factor of a cell past the listed blockers, weighted with luminance for the sky.
 
@@ -518,8 +518,8 @@ def visible_factor(
     ----------
     s0 : (4, 4, 4) array
         Cell relative to receiver ``x`` with normal ``n``.
-    cone0, flags, solid
-        Normal cone, flags and solid of the cell (−1 where it has none).
+    cone0, flags, quadric, solid
+        Normal cone, flags, quadric and solid (−1 where it has none) of the cell.
     eps : float
         Relative accuracy of unoccluded factors.
     cell_eps : float
@@ -630,7 +630,7 @@ def visible_factor(
         mine[lists.shape[1] - 1] = count
         lit = count == 0
         if lit and (tone.size == 0 or (ok and _is_small(planes))):
-            value = patch_factor(cell, n, cone, flags, eps, rounding)
+            value = patch_factor(cell, x, n, cone, flags, quadric, eps, rounding)
             out[3] += value
             out[0] += value if tone.size == 0 else value * _mean_luminance(cell, n, tone, h, hu, hv)
             continue
@@ -653,7 +653,7 @@ def visible_factor(
             or top + 4 > _STACK
             or out[2] > MAX_CELLS
         ):
-            value = patch_factor(cell, n, cone, flags, max(eps, 1e-4), rounding)
+            value = patch_factor(cell, x, n, cone, flags, quadric, max(eps, 1e-4), rounding)
             if value > 0.0:
                 share = 1.0
                 samples = 2 if value > 0.125 * cell_eps else 1

@@ -28,6 +28,8 @@ class Sources(NamedTuple):
         Normal cones and bounding spheres.
     flags : (n,) int array
         `nets.PLANAR`, `CONVEX`, `CONCAVE`.
+    quadrics : (n, 5, 4) array
+        Quadric each lies on, as in `quadric.polar_plane`, turned to the emitting side.
     cell_eps : (n,) array
         Form factor below which a partly hidden cell is sampled.
     patch : (n,) int array
@@ -50,6 +52,7 @@ class Sources(NamedTuple):
     cones: np.ndarray
     spheres: np.ndarray
     flags: np.ndarray
+    quadrics: np.ndarray
     cell_eps: np.ndarray
     patch: np.ndarray
     group: np.ndarray
@@ -74,7 +77,7 @@ class Sources(NamedTuple):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _view_cone(x, sphere, cone):
+def view_cone(x, sphere, cone):
     """Direction (3), sine and cosine of the half-angle, nearest and farthest distance of a sphere.
 
     A sphere about the receiver gets sine 2: its cone is everywhere.
@@ -91,7 +94,7 @@ def _view_cone(x, sphere, cone):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _apart(source, blocker):
+def apart(source, blocker):
     """Whether two view cones do not meet, or the blocker lies beyond the source."""
     if blocker[5] >= source[6]:
         return True
@@ -127,7 +130,7 @@ def trace_row(
     see_blockers(blockers, x, n, rounding, scratch.shifted, state)
     for b in range(state.shape[0]):
         if state[b] != NO_BLOCKER:
-            _view_cone(x, blockers.spheres[b], views[awake])
+            view_cone(x, blockers.spheres[b], views[awake])
             active[awake] = b
             awake += 1
     for g in range(sources.group.shape[0]):
@@ -141,10 +144,10 @@ def trace_row(
         flags = sources.flags[first]
         # Inside a convex cavity every wall faces every other.
         inside = own_patch >= 0 and blockers.hollow[solid] and blockers.solid[own_patch] == solid
-        _view_cone(x, sources.group_spheres[g], cone)
+        view_cone(x, sources.group_spheres[g], cone)
         count = own_patch * 0  # not a literal: it would compile the callees once more
         for m in range(awake):
-            if _apart(cone, views[m]):
+            if apart(cone, views[m]):
                 continue
             b = active[m]
             if b == patch and (
@@ -160,11 +163,11 @@ def trace_row(
         for j in range(first, end):
             if not wanted[j]:
                 continue
-            k = 0
+            k = count * 0  # not a literal, as above
             if count:
-                _view_cone(x, sources.spheres[j], cone)
+                view_cone(x, sources.spheres[j], cone)
                 for m in range(count):
-                    if not _apart(cone, views[listed[m]]):
+                    if not apart(cone, views[listed[m]]):
                         near[k] = active[listed[m]]
                         k += 1
             if k == 0:
@@ -174,8 +177,8 @@ def trace_row(
             shift_net(sources.nets[j], x, s)
             front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
             visible_factor(
-                s, x, n, sources.cones[j], front, solid, digits, sources.cell_eps[j], rounding,
-                plain, blockers, near, k, scratch, found,
+                s, x, n, sources.cones[j], front, sources.quadrics[j], solid, digits,
+                sources.cell_eps[j], rounding, plain, blockers, near, k, scratch, found,
             )  # fmt: skip
             factors[j] += weight * found[0]
             variances[j] += weight * weight * found[1]

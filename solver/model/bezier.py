@@ -9,10 +9,12 @@ References
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import FloatArray
+from .arrays import FloatArray, frozen
 
 
 def bernstein(t: ArrayLike) -> FloatArray:
@@ -106,10 +108,11 @@ def surface_points(
     return _euclidean(h, hu, hv)
 
 
+@cache
 def gauss_rule(order: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss–Legendre nodes and weights on [0, 1]."""
+    """Gauss–Legendre nodes and weights on [0, 1], read-only."""
     x, w = np.polynomial.legendre.leggauss(order)
-    return 0.5 * (x + 1.0), 0.5 * w
+    return frozen(0.5 * (x + 1.0)), frozen(0.5 * w)
 
 
 def areas(nets: FloatArray, *, order: int = 6, pieces: int = 2) -> FloatArray:

@@ -13,6 +13,7 @@ from patchlight.solver.kernels.nets import normal_cone
 from patchlight.solver.kernels.patch_factor import patch_factor
 from patchlight.solver.model import PatchSet
 from patchlight.solver.model.bezier import sub_net
+from patchlight.solver.quadrics import fit_quadrics
 
 from .fixtures_light import UP, Body, ceiling, rectangle, rows, setup, turned
 
@@ -39,13 +40,14 @@ def signed(net, x, n, eps=1e-12):
     return contour_factor(s, n, eps, horizon_tolerance(x))
 
 
-def lit(net, x, n, eps=1e-12):
-    """Factor of the lit side of a net above the horizon."""
+def lit(net, x, n, eps=1e-12, on_quadric=True):
+    """Factor of the lit side of a net above the horizon; by its quadric, where it has one."""
     s, cone = np.empty((4, 4, 4)), np.empty(4)
     x, n = np.asarray(x, float), np.asarray(n, float)
     shift_net(net, x, s)
     normal_cone(s, cone)
-    return patch_factor(s, n, cone, 0, eps, horizon_tolerance(x))
+    quadric = fit_quadrics(net[None])[0] if on_quadric else np.zeros((5, 4))
+    return patch_factor(s, x, n, cone, 0, quadric, eps, horizon_tolerance(x))
 
 
 def by_surface(net, x, n, order=48, cells=8, lit_only=True):
@@ -362,6 +364,7 @@ import numpy as np
 from patchlight.solver.kernels.contour import contour_factor, horizon_tolerance, shift_net
 from patchlight.solver.kernels.nets import normal_cone
 from patchlight.solver.kernels.patch_factor import patch_factor
+from patchlight.solver.quadrics import fit_quadrics
 out = []
 for net, x, n in json.load(sys.stdin):
     net, x, n = (np.array(a, float) for a in (net, x, n))
@@ -370,7 +373,8 @@ for net, x, n in json.load(sys.stdin):
     normal_cone(s, cone)
     tolerance = horizon_tolerance(x)
     out.append([
-        contour_factor(s, n, 1e-6, tolerance), patch_factor(s, n, cone, 0, 1e-6, tolerance)
+        contour_factor(s, n, 1e-6, tolerance),
+        patch_factor(s, x, n, cone, 0, fit_quadrics(net[None])[0], 1e-6, tolerance),
     ])
 print(json.dumps(out))
 """

@@ -1,0 +1,209 @@
+"""The receiver's picture: curves in a frame that looks at a patch, and what may be in its way.
+
+Control vectors H are turned into a right-handed frame whose third axis looks at the patch; the
+picture of H is (H₁/H₃, H₂/H₃). As seen from the receiver the second axis runs down when the first
+runs to the right, so that the left of a curve is on the other side than on paper.
+"""
+
+import math
+
+import numba as nb
+
+from .contour import cubic_point
+from .quadric import restrict_cubic
+
+#: Halvings of a curve of which a part is behind the receiver.
+HALVINGS = 10
+#: Curves no longer than this in the picture are points.
+_POINT = 1e-13
+
+
+@nb.njit(cache=True, error_model="numpy")
+def frame_at(s, frame):
+    """Rows: two directions, and third that to the middle of the corners of ``s``; ok."""
+    ax = ay = az = 0.0
+    for i in (0, 3):
+        for j in (0, 3):
+            x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+            size = math.sqrt(x * x + y * y + z * z)
+            if size == 0.0:
+                return False
+            ax, ay, az = ax + x / size, ay + y / size, az + z / size
+    size = math.sqrt(ax * ax + ay * ay + az * az)
+    if size < 0.4:
+        return False
+    ax, ay, az = ax / size, ay / size, az / size
+    for i in range(4):
+        for j in range(4):
+            x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+            if ax * x + ay * y + az * z <= 0.1 * math.sqrt(x * x + y * y + z * z):
+                return False
+    k = 0
+    if abs(ay) < abs(ax):
+        k = 1
+    if abs(az) < min(abs(ax), abs(ay)):
+        k = 2
+    ex, ey, ez = 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
+    fx, fy, fz = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
+    size = math.sqrt(fx * fx + fy * fy + fz * fz)
+    fx, fy, fz = fx / size, fy / size, fz / size
+    frame[0, 0], frame[0, 1], frame[0, 2] = fx, fy, fz
+    # Right-handed: f, a × f, a.
+    frame[1, 0], frame[1, 1], frame[1, 2] = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
+    frame[2, 0], frame[2, 1], frame[2, 2] = ax, ay, az
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def turn_into(frame, c, out):
+    """Control vectors ``c`` (4, 3) in the frame."""
+    for i in range(4):
+        for k in range(3):
+            out[i, k] = frame[k, 0] * c[i, 0] + frame[k, 1] * c[i, 1] + frame[k, 2] * c[i, 2]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def mean_normal(s, normal):
+    """Normal of the diagonals of ``s``, away from the receiver; False where there is none."""
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        ua = s[3, 3, a] / s[3, 3, 3] - s[0, 0, a] / s[0, 0, 3]
+        ub = s[3, 3, b] / s[3, 3, 3] - s[0, 0, b] / s[0, 0, 3]
+        va = s[0, 3, a] / s[0, 3, 3] - s[3, 0, a] / s[3, 0, 3]
+        vb = s[0, 3, b] / s[0, 3, 3] - s[3, 0, b] / s[3, 0, 3]
+        normal[k] = ua * vb - ub * va
+    size = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    if size == 0.0:
+        return False
+    up = 0.0
+    for k in range(3):
+        up += normal[k] * (s[0, 0, k] / s[0, 0, 3] + s[3, 3, k] / s[3, 3, 3])
+    if up < 0.0:
+        size = -size
+    for k in range(3):
+        normal[k] /= size
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def order(s, b, normal):
+    """1 where net ``b`` is beyond patch ``s``, −1 where it is before it, 0 where neither is sure.
+
+    ``normal`` is the mean normal of the patch, turned away from the receiver.
+    """
+    low, high, far = 1e300, -1e300, 0.0
+    b_low, b_high = 1e300, -1e300
+    for i in range(4):
+        for j in range(4):
+            d = (normal[0] * s[i, j, 0] + normal[1] * s[i, j, 1] + normal[2] * s[i, j, 2]) / s[
+                i, j, 3
+            ]
+            low, high, far = min(low, d), max(high, d), max(far, abs(d))
+            d = (normal[0] * b[i, j, 0] + normal[1] * b[i, j, 1] + normal[2] * b[i, j, 2]) / b[
+                i, j, 3
+            ]
+            b_low, b_high = min(b_low, d), max(b_high, d)
+    tolerance = 1e-9 * far
+    # The receiver is at height 0: a plane beyond the patch has to be beyond the receiver too.
+    if b_low >= max(high, 0.0) - tolerance:
+        return 1
+    if low > 0.0 and b_high <= low + tolerance:
+        return -1
+    return 0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def add_outline(c, frame, box, curves, count, level, stack):
+    """Add what of a curve may lie in the picture of the patch; −1 where there is no more room."""
+    turn_into(frame, c, stack[0])
+    level[0] = 0
+    top = 1
+    while top > 0:
+        top -= 1
+        own = stack[top]
+        left = right = below = above = True
+        ahead = True
+        for i in range(4):
+            px, py, w = own[i, 0], own[i, 1], own[i, 2]
+            left = left and px <= box[0] * w
+            right = right and px >= box[1] * w
+            below = below and py <= box[2] * w
+            above = above and py >= box[3] * w
+            ahead = ahead and w > 1e-3 * (abs(px) + abs(py))
+        if left or right or below or above:
+            continue
+        if ahead:
+            size = 0.0
+            for i in range(1, 4):
+                for k in range(2):
+                    size = max(size, abs(own[i, k] / own[i, 2] - own[0, k] / own[0, 2]))
+            if size <= _POINT:
+                continue
+            if count >= curves.shape[0]:
+                return -1
+            for i in range(4):
+                for k in range(3):
+                    curves[count, i, k] = own[i, k]
+            count += 1
+            continue
+        behind = True
+        for i in range(4):
+            behind = behind and own[i, 2] <= 0.0
+        if behind:
+            continue
+        if level[top] == HALVINGS:
+            return -1
+        level[top] += 1
+        level[top + 1] = level[top]
+        for i in range(4):
+            for k in range(3):
+                stack[top + 1, i, k] = own[i, k]
+        restrict_cubic(own, 0.0, 0.5)
+        restrict_cubic(stack[top + 1], 0.5, 1.0)
+        top += 2
+    return count
+
+
+@nb.njit(cache=True, error_model="numpy")
+def add_horizon(n, box, curves, count):
+    """Add the horizon, directed so that what is below is on its left, where it is in the picture.
+
+    ``n``: the receiver's normal in the frame. The line n · (X, Y, 1) = 0 in the picture.
+    """
+    size2 = n[0] * n[0] + n[1] * n[1]
+    if size2 < 1e-12 or count >= curves.shape[0]:
+        return -1
+    mx, my = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])
+    reach = (box[1] - box[0]) + (box[3] - box[2])
+    off = (n[0] * mx + n[1] * my + n[2]) / size2
+    fx, fy = mx - off * n[0], my - off * n[1]
+    size = math.sqrt(size2)
+    # On its left, seen from the receiver: to the side where n · H < 0.
+    tx, ty = n[1] / size, -n[0] / size
+    for i in range(4):
+        t = reach * (2.0 * i / 3.0 - 1.0)
+        curves[count, i, 0], curves[count, i, 1], curves[count, i, 2] = (
+            fx + t * tx,
+            fy + t * ty,
+            1.0,
+        )
+    return count + 1
+
+
+@nb.njit(cache=True, error_model="numpy")
+def beside(c, t, left, frame, h, d):
+    """Direction ``d`` a little beside the curve at ``t``, in the coordinates of the scene."""
+    cubic_point(c, t, h)
+    px, py = h[0] / h[2], h[1] / h[2]
+    step = 1e-4
+    cubic_point(c, min(t + step, 1.0), h)
+    qx, qy = h[0] / h[2], h[1] / h[2]
+    cubic_point(c, max(t - step, 0.0), h)
+    ux, uy = qx - h[0] / h[2], qy - h[1] / h[2]
+    size = math.sqrt(ux * ux + uy * uy)
+    if size == 0.0:
+        return False
+    px, py = px + left * uy / size, py - left * ux / size
+    for k in range(3):
+        d[k] = px * frame[0, k] + py * frame[1, k] + frame[2, k]
+    return True
