@@ -77,9 +77,9 @@ def point_form_factors(
         Largest |value − true| relative to the patch's own factor without any hiding, but never
         below 1e-12 absolute.
     visibility : "auto", "strict" or "none"
-        "auto" brackets each pair as "strict" does as long as that takes few cells, samples partly
-        hidden cells of the rest and estimates the error; "strict" proves all brackets, up to
-        rounding; "none" ignores all hiding except that of back faces, and brackets the
+        "auto" integrates the contour of what is seen, brackets pairs where that does not serve as
+        "strict" does as long as it takes few cells, samples partly hidden cells of the rest and
+        estimates the error; "strict" proves all brackets, up to rounding; "none" ignores all hiding except that of back faces, and brackets the
         quadrature, proved likewise.
     method : "default" or "nn93"
         "nn93" is the method of Nishita and Nakamae [1] as published, for comparison.
