@@ -79,8 +79,8 @@ def point_form_factors(
     visibility : "auto", "strict" or "none"
         "auto" integrates the contour of what is seen, brackets pairs where that does not serve as
         "strict" does as long as it takes few cells, samples partly hidden cells of the rest and
-        estimates the error; "strict" proves all brackets, up to rounding; "none" ignores all hiding except that of back faces, and brackets the
-        quadrature, proved likewise.
+        estimates the error; "strict" proves all brackets, up to rounding; "none" ignores all hiding
+        except that of back faces, and brackets the quadrature, proved likewise.
     method : "default" or "nn93"
         "nn93" is the method of Nishita and Nakamae [1] as published, for comparison.
 
@@ -255,7 +255,7 @@ def _surfaces(nets: FloatArray, place: IntArray) -> Blockers:
 
     adjacent = adjacency(nets, np.zeros(len(nets), np.int64))
     sheet = connected(adjacent)
-    surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet)
+    surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet, adjacent)
     count = len(surfaces.bulging)
     bulging, hollow = convexity(nets, surfaces.flags, sheet, np.ones(len(nets), bool), count)
     whole = np.ones(count, bool)
@@ -266,17 +266,19 @@ def _surfaces(nets: FloatArray, place: IntArray) -> Blockers:
     return surfaces._replace(bulging=bulging & ~twice, hollow=hollow & whole & ~twice)
 
 
-def patches_under(points: FloatArray, nets: FloatArray, flags: IntArray) -> IntArray:
+def patches_under(
+    points: FloatArray, nets: FloatArray, flags: IntArray, quadrics: FloatArray
+) -> IntArray:
     """Curved patch (m,) that each point lies on within 1e-9 of its size, −1 for none.
 
     Points in a plane need no telling: they see it edge-on. Newton's iteration from the nearest of
-    9 x 9 points of the surface.
+    9 x 9 points of the surface, for points that are on its quadric where it has one.
     """
-    from .quadrics import fit_quadrics, heights_over
+    from .quadrics import heights_over
     from .topology import PLANAR, bounding_spheres
 
     out = np.full(len(points), -1, dtype=np.int64)
-    spheres, quadrics = bounding_spheres(nets), fit_quadrics(nets)
+    spheres = bounding_spheres(nets)
     t = np.linspace(0.0, 1.0, 9)
     grid = [g.ravel() for g in np.meshgrid(t, t, indexing="ij")]
     for p in np.flatnonzero((flags & PLANAR) == 0):
@@ -354,7 +356,8 @@ def _factors(
     buried: IntArray | None = None,
 ) -> FormFactors:
     """All three ways; ``on`` (m,) names the surface each point lies on, where it is known."""
-    from .topology import is_single, shape_flags
+    from .quadrics import fit_quadrics
+    from .topology import is_single
 
     m, count = len(x), len(source_nets)
     if m == 0 or count == 0:
@@ -362,8 +365,9 @@ def _factors(
         return FormFactors(empty, empty, empty, visibility != "auto")
     check_matrix(m, count, copies=_COPIES)
     surfaces = _surfaces(nets, place)
+    quadrics = fit_quadrics(nets)
     if on is None:
-        on = patches_under(x, nets, shape_flags(nets))
+        on = patches_under(x, nets, surfaces.flags, quadrics)
     share = np.ones((m, 1))
     if buried is not None:
         share[buried] = 0.0
@@ -390,7 +394,7 @@ def _factors(
         error = 0.1 * accuracy * plain.factors + ABSOLUTE
         low, high = np.maximum(plain.factors - error, 0.0), plain.factors + error
         return FormFactors(plain.factors, low, high, False, plain.counters)
-    return _estimated(x, n, share, on, sources, surfaces, plain, accuracy)
+    return _estimated(x, n, share, on, sources, surfaces, quadrics, plain, accuracy)
 
 
 def _rows(
@@ -430,13 +434,16 @@ def _estimated(
     on: IntArray,
     sources: Sources,
     surfaces: Blockers,
+    quadrics: FloatArray,
     plain: Rows,
     accuracy: float,
 ) -> FormFactors:
     """The contour of what is seen, and other methods where that does not serve."""
     from .visible import visible_factors
 
-    value, left = visible_factors(x, n, share, on, sources, surfaces, plain.factors, accuracy)
+    value, left = visible_factors(
+        x, n, share, on, sources, surfaces, quadrics, plain.factors, accuracy
+    )
     error = 0.1 * accuracy * plain.factors + ABSOLUTE
     low, high = np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
     counters = {**plain.counters, "pairs_by_contour": int((~left).sum())}

@@ -169,7 +169,9 @@ def convexity(
     return bulging, hollow
 
 
-def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Blockers:
+def make_blockers(
+    patches: PatchSet, closed: IntArray, solid: IntArray, adjacent: IntArray | None = None
+) -> Blockers:
     """Everything the kernels need to know of the patches that hide light.
 
     Parameters
@@ -180,6 +182,8 @@ def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Block
         Patches of closed solids, +normal outward: they block with their front only.
     solid : (p,) int array
         Solid or part of each patch.
+    adjacent : (p, 4) int array, optional
+        From `adjacency`, where it is known already.
     """
     nets = writable(patches.control_points)
     flags = shape_flags(nets)
@@ -190,7 +194,7 @@ def make_blockers(patches: PatchSet, closed: IntArray, solid: IntArray) -> Block
         nets=nets,
         kinds=classify_patches(nets),
         closed=writable(closed, np.bool_),
-        adjacent=adjacency(nets, solid),
+        adjacent=adjacency(nets, solid) if adjacent is None else writable(adjacent, np.int64),
         cones=normal_cones(nets),
         flags=flags,
         solid=writable(solid, np.int64),

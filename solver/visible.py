@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from .kernels.pyramid import Blockers
     from .kernels.rows import Sources
 
+#: Coefficients of one quadric fitted to two of its patches, of size 1, differ by this at most.
+_ALIKE = 1e-10
 #: Accuracy of the contour against that asked for.
 _SHARE = 0.1
 
@@ -25,6 +27,7 @@ def visible_factors(
     on: IntArray,
     sources: Sources,
     blockers: Blockers,
+    quadrics: FloatArray,
     plain: FloatArray,
     accuracy: float,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -40,16 +43,16 @@ def visible_factors(
         Surface each point lies on, −1 for none.
     sources, blockers
         Sources and all distinct surfaces; ``sources.group[:, 2]`` names the surface of each.
+    quadrics : (p, 5, 4) array
+        Of the surfaces, from `fit_quadrics`.
     plain : (m, n) array
         Factors without hiding.
     accuracy : float
         Error allowed relative to these.
     """
     from .kernels.visible_contour import LEFT, contour_rows
-    from .quadrics import fit_quadrics
     from .topology import writable
 
-    quadrics = fit_quadrics(blockers.nets)
     values = np.array(plain)
     status = np.zeros(plain.shape, dtype=np.int64)
     contour_rows(
@@ -64,7 +67,7 @@ def visible_factors(
         _SHARE * accuracy,
         blockers,
         _surfaces(blockers, quadrics),
-        quadrics,
+        writable(quadrics),
         sources.quadrics,
         values,
         status,
@@ -74,10 +77,13 @@ def visible_factors(
 
 def _surfaces(blockers: Blockers, quadrics: FloatArray) -> Surfaces:
     """What `kernels.outlines` needs; tangent planes of those neither flat nor quadrics only."""
+    from .kernels.outlines import SMOOTH
     from .kernels.pieces import Surfaces
     from .strict import neighbors, tangent_planes
     from .topology import PLANAR, writable
 
+    beyond = neighbors(blockers.nets, blockers.adjacent)
+    beyond[..., 2] = np.where(_goes_on(quadrics, beyond), SMOOTH, beyond[..., 2])
     count = len(blockers.nets)
     tangents, centers = np.zeros((count, 9, 9, 4)), np.zeros((count, 3))
     bent = (blockers.flags & PLANAR == 0) & (quadrics[:, 4, 3] == 0.0)
@@ -88,7 +94,27 @@ def _surfaces(blockers: Blockers, quadrics: FloatArray) -> Surfaces:
         kinds=blockers.kinds,
         tangents=tangents,
         centers=centers,
-        neighbors=neighbors(blockers.nets, blockers.adjacent),
+        neighbors=beyond,
         sheet=writable(blockers.solid, np.int64),
         flags=blockers.flags,
     )
+
+
+def _goes_on(quadrics: FloatArray, beyond: IntArray) -> NDArray[np.bool_]:
+    """Whether the patch over each side (p, 4) lies on the same quadric, and faces the same way."""
+    other = np.maximum(beyond[..., 0], 0)
+    mine, theirs = quadrics[:, None], quadrics[other]
+    # Both in the coordinates of the first.
+    move = np.zeros((*other.shape, 4, 4))
+    ratio = theirs[..., 4, 3] / np.where(mine[..., 4, 3] > 0.0, mine[..., 4, 3], 1.0)
+    move[..., [0, 1, 2], [0, 1, 2]] = ratio[..., None]
+    move[..., :3, 3] = (mine[..., 4, :3] - theirs[..., 4, :3]) * theirs[..., 4, 3:]
+    move[..., 3, 3] = 1.0
+    same = move.swapaxes(-1, -2) @ theirs[..., :4, :] @ move
+    a, b = (
+        q / np.maximum(np.abs(q).max(axis=(-1, -2), keepdims=True), 1e-300)
+        for q in (np.broadcast_to(mine[..., :4, :], same.shape), same)
+    )
+    alike = np.abs(a - beyond[..., 3, None, None] * b).max(axis=(-1, -2)) <= _ALIKE
+    known = (mine[..., 4, 3] > 0.0) & (theirs[..., 4, 3] > 0.0)
+    return np.asarray((beyond[..., 0] >= 0) & known & alike)

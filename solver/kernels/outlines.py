@@ -18,6 +18,8 @@ from .quadric import front_outline, polar_plane, restrict_cubic, side_values
 
 #: A patch that shows both sides, but not where they meet.
 ODD = 4
+#: Stands for the direction of an edge over which the surface goes on smoothly: it casts no shadow.
+SMOOTH = 2
 #: Quarterings of a patch whose silhouette is not a single arc.
 _LEVELS = 6
 
@@ -124,13 +126,17 @@ def reverse_cubic(c):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _edges_of(b, surfaces, out, count, work):
+def _edges_of(b, surfaces, out, count, cuts, more, work):
     """Add the boundary edges of patch ``b`` at which its sheet ends; −1 where that is not known."""
-    own, other, weight, cuts, more = work[0], work[1], work[2], work[3:5].ravel(), work[5:7].ravel()
+    own, other, weight = work[0], work[1], work[2]
     for side in range(4):
         beyond = surfaces.neighbors[b, side]
         o = beyond[0]
-        if o == COLLAPSED or (o != FREE and (o < b or (o == b and beyond[1] < side))):
+        if (
+            o == COLLAPSED
+            or beyond[2] == SMOOTH
+            or (o != FREE and (o < b or (o == b and beyond[1] < side)))
+        ):
             continue  # no length, or done from the other side
         if out.state[b] == ODD or (o >= 0 and out.state[o] == ODD):
             return -1
@@ -177,6 +183,13 @@ def _edges_of(b, surfaces, out, count, work):
 @nb.njit(cache=True, error_model="numpy")
 def _silhouette_of(b, quadric, x, out, count, f, pieces, breaks, ends, work):
     """Add the arcs of the silhouette of a quadric patch; −1 where they are not found."""
+    _, _, zero = side_values(out.nets[b], out.polar[b], f)
+    made = front_outline(out.nets[b], x, quadric, f, zero, False, pieces, breaks, ends, work)
+    if made > 0:
+        if count >= out.curve.shape[0]:
+            return -1
+        out.curve[count] = pieces[0]
+        return count + 1
     stack = np.empty((3 * _LEVELS + 4, 4, 4, 4))
     level = np.empty(3 * _LEVELS + 4, dtype=np.int64)
     low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
@@ -187,11 +200,11 @@ def _silhouette_of(b, quadric, x, out, count, f, pieces, breaks, ends, work):
         low, high, zero = side_values(stack[top], out.polar[b], f)
         if low >= -zero or high <= zero:
             continue
-        made = front_outline(stack[top], x, quadric, f, zero, pieces, breaks, ends, work)
+        made = front_outline(stack[top], x, quadric, f, zero, False, pieces, breaks, ends, work)
         if made > 0:
             if count >= out.curve.shape[0]:
                 return -1
-            out.curve[count] = pieces[made - 1]
+            out.curve[count] = pieces[0]
             count += 1
             continue
         deep = level[top]
@@ -211,14 +224,14 @@ def _silhouette_of(b, quadric, x, out, count, f, pieces, breaks, ends, work):
 def see_outlines(surfaces, cones, quadrics, x, rounding, out):
     """Find the sides seen from receiver ``x`` and the outlines of all (shifted) surfaces."""
     f, g = np.empty((4, 4)), np.empty((9, 9))
-    pieces, breaks, ends = np.empty((17, 4, 3)), np.empty(8), np.empty((3, 3))
-    work = np.empty((9, 4))
+    pieces, breaks, more = np.empty((17, 4, 3)), np.empty(8), np.empty(8)
+    ends, work = np.empty((3, 3)), np.empty((9, 4))
     _see_sides(surfaces, cones, quadrics, x, rounding, out, f, g)
     count = 0
     for b in range(surfaces.nets.shape[0]):
         out.first[b] = count
         out.whole[b] = True
-        found = edges = _edges_of(b, surfaces, out, count, work)
+        found = edges = _edges_of(b, surfaces, out, count, breaks, more, work)
         if found >= 0 and out.state[b] == MIXED:
             found = _silhouette_of(b, quadrics[b], x, out, found, f, pieces, breaks, ends, work)
             if found == edges:

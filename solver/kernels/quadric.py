@@ -23,7 +23,6 @@ from .contour import (
     WALK,
     begin_walk,
     cubic,
-    cubic_point,
     end_walk,
     load_edge,
     sign_breaks,
@@ -307,7 +306,32 @@ def conic_arc(quadric, x, ends, work, c):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def front_outline(s, x, quadric, f, zero, pieces, breaks, ends, work):
+def _edge_point(s, k, t, point):
+    """Parameters of the point at ``t`` of boundary edge ``k``, and the ``point`` (3,) itself."""
+    u = t if k == 0 else (1.0 if k == 1 else (1.0 - t if k == 2 else 0.0))
+    v = 0.0 if k == 0 else (t if k == 1 else (1.0 if k == 2 else 1.0 - t))
+    r = 1.0 - t
+    b = (r * r * r, 3.0 * t * r * r, 3.0 * t * t * r, t * t * t)
+    w = point[0] = point[1] = point[2] = 0.0
+    for i in range(4):
+        if k == 0:
+            p, q = i, 0
+        elif k == 1:
+            p, q = 3, i
+        elif k == 2:
+            p, q = 3 - i, 3
+        else:
+            p, q = 0, 3 - i
+        for c in range(3):
+            point[c] += b[i] * s[p, q, c]
+        w += b[i] * s[p, q, 3]
+    for c in range(3):
+        point[c] /= w
+    return u, v
+
+
+@nb.njit(cache=True, error_model="numpy")
+def front_outline(s, x, quadric, f, zero, whole, pieces, breaks, ends, work):
     """Outline of the part of a net that shows its + side, where it shows both.
 
     Parameters
@@ -316,6 +340,8 @@ def front_outline(s, x, quadric, f, zero, pieces, breaks, ends, work):
         Shifted net.
     f, zero
         From `side_values`.
+    whole : bool
+        Whether all of it is asked for; else the silhouette alone.
     pieces : (17, 4, 3) array
         Receives the cubics along it, counter-clockwise about the + side.
     breaks, ends, work
@@ -355,30 +381,19 @@ def front_outline(s, x, quadric, f, zero, pieces, breaks, ends, work):
     if changes != 2:
         return -1
     made = 0
-    u0 = v0 = u1 = v1 = 0.0
+    last = first
     for step in range(count):
         m = (first + step) % count
         if spans[m, 3] == 0.0:
             break
-        k, a, b = int(spans[m, 0]), spans[m, 1], spans[m, 2]
-        load_edge(s, k, pieces[made])
-        for end in range(2):
-            t = a if end == 0 else b
-            if end == 0 and step > 0:
-                continue
-            u = t if k == 0 else (1.0 if k == 1 else (1.0 - t if k == 2 else 0.0))
-            v = 0.0 if k == 0 else (t if k == 1 else (1.0 if k == 2 else 1.0 - t))
-            w = weight_at(s, u, v)
-            cubic_point(pieces[made], t, at)
-            for q in range(3):
-                ends[1 - end, q] = at[q] / w
-            if end == 0:
-                u1, v1 = u, v
-            else:
-                u0, v0 = u, v
-        restrict_cubic(pieces[made], a, b)
-        made += 1
+        last = m
+        if whole:
+            load_edge(s, int(spans[m, 0]), pieces[made])
+            restrict_cubic(pieces[made], spans[m, 1], spans[m, 2])
+            made += 1
     # Of `ends`, the first is where the front is left, the second where it was entered.
+    u0, v0 = _edge_point(s, int(spans[last, 0]), spans[last, 2], ends[0])
+    u1, v1 = _edge_point(s, int(spans[first, 0]), spans[first, 1], ends[1])
     if not _between(f, u0, v0, u1, v1, at):
         return -1
     u, v = at[0], at[1]
@@ -426,7 +441,7 @@ def quadric_factor(s, x, n, quadric, eps, rounding):
             load_edge(s, k, pieces[k])
     else:
         work, ends = np.empty((9, 4)), np.empty((3, 3))
-        count = front_outline(s, x, quadric, f, zero, pieces, breaks, ends, work)
+        count = front_outline(s, x, quadric, f, zero, True, pieces, breaks, ends, work)
         if count < 0:
             return math.nan
     share = _SHARE * eps

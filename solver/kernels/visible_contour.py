@@ -159,7 +159,7 @@ def _contour_of(net, x, quadric, polar, mixed, frame, pieces, breaks, ends, work
     count = 0
     if mixed:
         _, _, zero = side_values(net, polar, f)
-        made = front_outline(net, x, quadric, f, zero, pieces, breaks, ends, work)
+        made = front_outline(net, x, quadric, f, zero, True, pieces, breaks, ends, work)
         if made < 0:
             return -1
     else:
