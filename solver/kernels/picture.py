@@ -113,6 +113,27 @@ def order(s, b, normal):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def order_by_plane(s, b, axis):
+    """The same for a flat net ``b`` with normal ``axis``, by its own plane: 1, −1, or 0.
+
+    Patches on the receiver's side of it are never hidden by it, those on the other side are beyond.
+    """
+    w = b[0, 0, 3]
+    own = -(axis[0] * b[0, 0, 0] + axis[1] * b[0, 0, 1] + axis[2] * b[0, 0, 2]) / w
+    sign = 1.0 if own > 0.0 else -1.0
+    low, high, size = 1e300, -1e300, abs(own)
+    for i in range(4):
+        for j in range(4):
+            w = s[i, j, 3]
+            d = (axis[0] * s[i, j, 0] + axis[1] * s[i, j, 1] + axis[2] * s[i, j, 2]) / w
+            size = max(size, abs(d))
+            low, high = min(low, sign * (d + own)), max(high, sign * (d + own))
+    if low >= -1e-9 * size:
+        return 1
+    return -1 if high <= 1e-9 * size else 0
+
+
+@nb.njit(cache=True, error_model="numpy")
 def add_outline(c, frame, box, curves, count, level, stack):
     """Add what of a curve may lie in the picture of the patch; −1 where there is no more room."""
     turn_into(frame, c, stack[0])

@@ -32,6 +32,7 @@ from .picture import (
     frame_at,
     mean_normal,
     order,
+    order_by_plane,
     turn_into,
 )
 from .pieces import BACK, FRONT, MIXED, NONE
@@ -235,7 +236,11 @@ def _hiders(row, own_patch, flags, cone, normal, ordered, in_way, blockers, surf
         if b == row or not ordered:
             return -1
         if scratch.views[b, 6] > cone[5]:
-            place = order(scratch.net, seen.nets[b], normal)
+            place = count * 0
+            if surfaces.flags[b] & PLANAR:
+                place += order_by_plane(scratch.net, seen.nets[b], blockers.cones[b])
+            if place == 0:
+                place += order(scratch.net, seen.nets[b], normal)
             if place > 0:
                 continue
             if place == 0:
