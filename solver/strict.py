@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .feet import normals_under
 from .model import bezier
 from .model.arrays import FloatArray, IntArray
 from .model.form_factors import FormFactors
@@ -71,6 +72,7 @@ def strict_form_factors(
         writable(x),
         writable(n * share),
         writable(on, np.int64),
+        views(x, n, on, surfaces),
         sources.nets,
         sources.flags,
         writable(sources.group[:, 2], np.int64),
@@ -95,6 +97,25 @@ def strict_form_factors(
     }
     value = 0.5 * (low + high) if hide else np.clip(plain.factors, low, high)
     return FormFactors(value, low, high, True, {name: int(total[c]) for name, c in names.items()})
+
+
+def views(x: FloatArray, n: FloatArray, on: IntArray, surfaces: Surfaces) -> IntArray:
+    """How receivers (m,) on hollow or bulging surfaces look, for `kernels.brackets.bracket_rows`.
+
+    1e-7 of a turn askew shows or hides 1e-14 of a surface.
+    """
+    from .kernels.brackets import ALONG, ASKEW, AWAY
+    from .kernels.nets import CONCAVE, CONVEX
+
+    out = np.full(len(x), ASKEW, dtype=np.int64)
+    rows = np.flatnonzero((on >= 0) & ((surfaces.flags[on] & (CONVEX | CONCAVE)) != 0))
+    normal = normals_under(x[rows], surfaces.nets[on[rows]])
+    hollow = np.where(surfaces.flags[on[rows]] & CONCAVE, 1.0, -1.0)
+    askew = np.linalg.norm(np.cross(normal, n[rows]), axis=1)
+    along = hollow * np.einsum("mk,mk->m", normal, n[rows])
+    square = (askew <= 1e-7) & (along != 0.0)
+    out[rows[square]] = np.where(along[square] > 0.0, ALONG, AWAY)
+    return out
 
 
 def see_through(blockers: Blockers) -> Surfaces:

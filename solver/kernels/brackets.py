@@ -55,6 +55,12 @@ _TOUCH = 1e-11
 #: A cell longer than this against its width is halved along its length: two shadow edges that cross
 #: it would have it halved into ever thinner strips.
 _STRETCH = 4.0
+#: How a receiver on a hollow or bulging patch looks: off the patch, where that is all below its
+#: horizon; square to it towards the rest of it; or neither.
+AWAY, ALONG, ASKEW = 1, 2, 3
+#: What is known of cells too wide for a pyramid: nothing; their contour up to a whole turn about
+#: the receiver; their contour.
+_NOTHING, _TURNS, _ALL = range(3)
 #: What `_look` leaves in its ``found``: bracket, and direction to split in.
 _LOW, _HIGH, _SPLIT = range(3)
 
@@ -358,12 +364,12 @@ def _cut(
 
 @nb.njit(cache=True, error_model="numpy")
 def _look(
-    s, facing, flat, own_sheet, x, n, rounding, surfaces, pieces, parent, parent_count, mine, stamp,
+    s, facing, wide, own_sheet, x, n, rounding, surfaces, pieces, parent, parent_count, mine, stamp,
     stamps, dirty, space, points, work, found,
 ):  # fmt: skip
     """Bracket of one cell into ``found``; leaves the list of what may hide it in ``mine``.
 
-    Returns the length of the list.
+    Returns the length of the list. ``wide`` is what is known of cells without a pyramid.
     """
     planes, normal, frame = space[0:8], space[9], space[10:13]
     tri, normals, value = space[13:16], space[16:18], space[18]
@@ -377,16 +383,23 @@ def _look(
         return 0
     ok = make_pyramid(s, planes)
     total, error = 1.0, 0.0
-    if facing == FRONT:
+    known = facing == FRONT and (ok or wide != _NOTHING)
+    if known:
         sure_factor(s, n, n, rounding, value)
-        total, error = min(max(value[0], 0.0), 1.0), value[1]
+        share, error = value[0], value[1]
+        if not ok and wide == _TURNS:
+            # The horizon may be closed the long way round, and a patch about the receiver has a
+            # whole horizon besides: shares that differ by a whole are one contour.
+            share -= math.floor(share)
+            known = error < share < 1.0 - error
+        total, error = (min(max(share, 0.0), 1.0), error) if known else (1.0, 0.0)
     if ok:
         bound = pyramid_factor(planes, n, poly, other)
         if facing != FRONT or bound < total:
             total = min(bound, total)
     if parent_count == 0 or not ok:
         found[_HIGH] = min(1.0, total + error)
-        if parent_count == 0 and facing == FRONT and (ok or flat):
+        if parent_count == 0 and known:
             found[_LOW] = max(0.0, total - error)
         for m in range(parent_count):
             mine[m] = parent[m]
@@ -537,19 +550,17 @@ def _look(
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _bends_away(s, flags, x, n):
-    """Whether a receiver on patch ``s`` looks away from it: flat, or bulging on its side."""
-    if flags & PLANAR:
-        return True
-    if not flags & (CONVEX | CONCAVE):
-        return False
-    # All of a bulging patch lies behind the tangent plane, all of a hollow one before it.
-    ahead = 0.0
-    for i in range(0, 4, 3):
-        for j in range(0, 4, 3):
-            for k in range(3):
-                ahead += n[k] * (s[i, j, k] / s[i, j, 3] - x[k])
-    return ahead < 0.0
+def seen_from_itself(flags, view, state):
+    """State of a patch for a receiver on it, from its shape ``flags`` and the ``view``.
+
+    A hollow or bulging patch is seen from one side throughout: that it is edge-on at the receiver
+    is no silhouette, though the heights have a double root there whose sign no halving tells.
+    """
+    if flags & PLANAR or view == AWAY:
+        return NONE
+    if flags & CONCAVE:
+        return FRONT
+    return BACK if flags & CONVEX else state
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -575,20 +586,19 @@ def _bucket(width):
 
 @nb.njit(cache=True, error_model="numpy")
 def bracket_pair(
-    net, whole, slack, row, goal, x, n, rounding, surfaces, pieces, roots, root_count, most,
-    cells, links, arena, mine, stamps, dirty, clock, space, points, work, counters, out,
+    net, whole, slack, state, wide, row, goal, x, n, rounding, surfaces, pieces, roots, root_count,
+    most, cells, links, arena, mine, stamps, dirty, clock, space, points, work, counters, out,
 ):  # fmt: skip
     """Bracket of source ``net`` (surface ``row``) into ``out`` (2,), not wider than ``goal``.
 
-    ``whole`` (9, 9) tells from which side it is seen, ``slack`` is its rounding.
+    ``whole`` (9, 9) are the heights over its tangent planes, ``slack`` their rounding, ``state``
+    the side it is seen from; ``wide`` as in `_look`.
     """
     s, g, line = np.empty((4, 4, 4)), np.empty((9, 9)), np.empty(9)
     found = np.empty(3)
     heads = np.full(_BUCKETS, -1, dtype=np.int64)
     tails = np.full(_BUCKETS, -1, dtype=np.int64)
-    flat = surfaces.flags[row] & PLANAR != 0
     own_sheet = surfaces.sheet[row]
-    state = _source_side(whole, slack)
     shift_net(net, x, s)
     out[0], out[1] = 0.0, 0.0
     if state == BACK:
@@ -598,7 +608,7 @@ def bracket_pair(
     used = root_count
     clock[0] += 1
     count = _look(
-        s, state, flat, own_sheet, x, n, rounding, surfaces, pieces, roots, root_count, mine,
+        s, state, wide, own_sheet, x, n, rounding, surfaces, pieces, roots, root_count, mine,
         clock[0], stamps, dirty, space, points, work, found,
     )  # fmt: skip
     counters[VISITED] += 1
@@ -660,7 +670,7 @@ def bracket_pair(
             if facing == BACK:
                 continue
             count = _look(
-                s, facing, flat, own_sheet, x, n, rounding, surfaces, pieces,
+                s, facing, wide, own_sheet, x, n, rounding, surfaces, pieces,
                 arena[start : start + length], length, mine, clock[0], stamps, dirty, space, points,
                 work, found,
             )  # fmt: skip
@@ -696,7 +706,7 @@ def bracket_pair(
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
 def bracket_rows(
-    nodes, normals, on, nets, flags, place, tangents, centers, goals, surfaces, sheets, hide,
+    nodes, normals, on, views, nets, flags, place, tangents, centers, goals, surfaces, sheets, hide,
     most, low, high, counters,
 ):  # fmt: skip
     """Brackets of the form factors from m points to n sources.
@@ -707,6 +717,8 @@ def bracket_rows(
         Receivers [m] and unit normals; a receiver with normal 0 gets no light.
     on : (m,) int array
         Surface each receiver lies on, −1 for none.
+    views : (m,) int array
+        `AWAY`, `ALONG` or `ASKEW` where that is hollow or bulging.
     nets, flags : (n, 4, 4, 4), (n,) array
         Sources, and their shapes from `topology.shape_flags`.
     place : (n,) int array
@@ -736,8 +748,10 @@ def bracket_rows(
         rounding = horizon_tolerance(x)
         pieces = make_pieces(count, PIECES)
         see_surfaces(surfaces, x, n, rounding, pieces)
-        if on[i] >= 0 and _bends_away(surfaces.nets[on[i]], surfaces.flags[on[i]], x, n):
-            pieces.state[on[i]] = NONE
+        if on[i] >= 0:
+            pieces.state[on[i]] = seen_from_itself(
+                surfaces.flags[on[i]], views[i], pieces.state[on[i]]
+            )
         cells, links = np.empty((CELLS, 7)), np.empty((CELLS, 3), dtype=np.int64)
         arena = np.empty(LISTED, dtype=np.int64)
         stamps = np.zeros((sheets, 2), dtype=np.int64)
@@ -762,8 +776,15 @@ def bracket_rows(
                     roots[k] = b
                     k += 1
             slack = see_tangents(tangents[j], centers[j], x, whole)
+            state = _source_side(whole, slack)
+            if on[i] == row and flags[j] & (CONVEX | CONCAVE):
+                # A surface given from both sides is one: the source may be either side of it.
+                state = FRONT if flags[j] & CONCAVE else BACK
+            wide = _TURNS if alone and (on[i] != row or views[i] == ALONG) else _NOTHING
+            if flags[j] & PLANAR:
+                wide = _ALL
             bracket_pair(
-                nets[j], whole, slack, row, goals[i, j], x, n, rounding, surfaces, pieces, roots, k,
+                nets[j], whole, slack, state, wide, row, goals[i, j], x, n, rounding, surfaces, pieces, roots, k,
                 most, cells, links, arena, mine, stamps, dirty, clock, space, points, work,
                 counters[i], out,
             )  # fmt: skip

@@ -82,7 +82,7 @@ def make_pieces(patches, capacity):
 
 @nb.njit(cache=True, error_model="numpy")
 def side_seen(g, slack, skip):
-    """`FRONT`, `BACK` or `MIXED` from coefficients (9, 9).
+    """`FRONT`, `BACK` or `MIXED` from coefficients (9, 9) beyond ``slack``.
 
     The row of a side that is collapsed to a point is 0 and says nothing: bit k of ``skip`` leaves
     out side k.
@@ -156,7 +156,10 @@ def see_surfaces(surfaces, x, n, rounding, pieces):
             pieces.state[b] = NONE
         else:
             skip = _skip(surfaces.neighbors[b], box)
-            pieces.state[b] = side_seen(pieces.heights[b], pieces.slack[b], skip)
+            # A patch that is edge-on somewhere but never turns has no silhouette inside; along its
+            # sides the neighbours tell. Between pieces of one patch nothing would tell: there the
+            # sign has to be clear.
+            pieces.state[b] = side_seen(pieces.heights[b], -pieces.slack[b], skip)
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -101,6 +101,43 @@ def _sure_curve(c, ta, tb, n, out):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _length(p):
+    return math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _sure_chord(p, q, n, rounding, out):
+    """Add the contour term of a straight edge, and what the rounding of its ends does, to ``out``.
+
+    Where the edge passes close to the receiver its plane through the receiver is lost in rounding.
+    """
+    a, b = _length(p), _length(q)
+    cx, cy, cz = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
+    size = a * b
+    if p[0] * q[0] + p[1] * q[1] + p[2] * q[2] < 0.0:
+        size = math.sqrt(cx * cx + cy * cy + cz * cz)
+    slack = rounding + 2e-16 * (a + b)
+    out[1] += math.pi * min(1.0, slack * (a + b) / (math.pi * size + 1e-300))
+    out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _sure_closing(e, f, m, n, rounding, out):
+    """Add the contour term from ``e`` to ``f`` in the cutting plane ``m`` to ``out``, likewise.
+
+    It is known up to whole turns only, and half a turn may be taken in either direction.
+    """
+    cx, cy, cz = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
+    angle = math.atan2(
+        m[0] * cx + m[1] * cy + m[2] * cz, e[0] * f[0] + e[1] * f[1] + e[2] * f[2]
+    )
+    a, b = _length(e), _length(f)
+    slack = rounding + 2e-16 * (a + b)
+    out[1] += math.pi * min(1.0, slack * (a + b) / (math.pi * a * b + 1e-300))
+    out[0] += angle * (m[0] * n[0] + m[1] * n[1] + m[2] * n[2])
+
+
+@nb.njit(cache=True, error_model="numpy")
 def sure_factor(s, m, n, rounding, out):
     """Signed form factor of the part of shifted net ``s`` with m · H > 0, and its error bound.
 
@@ -155,7 +192,7 @@ def sure_factor(s, m, n, rounding, out):
                 cubic_point(c, ta, p)
                 if not above:
                     if have_exit:
-                        out[0] += chord_term(e[0], e[1], e[2], p[0], p[1], p[2], n)
+                        _sure_closing(e, p, m, n, rounding, out)
                         have_exit = False
                     elif began:
                         have_entry = True
@@ -163,7 +200,7 @@ def sure_factor(s, m, n, rounding, out):
                     above = True
                 if straight:
                     cubic_point(c, tb, q)
-                    out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
+                    _sure_chord(p, q, n, rounding, out)
                 else:
                     _sure_curve(c, ta, tb, n, out)
             elif above:
@@ -173,12 +210,12 @@ def sure_factor(s, m, n, rounding, out):
             began = True
     load_edge(s, 0, c)
     if have_exit and have_entry:
-        out[0] += chord_term(e[0], e[1], e[2], f[0], f[1], f[2], n)
+        _sure_closing(e, f, m, n, rounding, out)
     elif have_exit:
         # The walk began inside and ends outside, at its first point.
-        out[0] += chord_term(e[0], e[1], e[2], c[0, 0], c[0, 1], c[0, 2], n)
+        _sure_closing(e, c[0], m, n, rounding, out)
     elif above and have_entry:
-        out[0] += chord_term(c[0, 0], c[0, 1], c[0, 2], f[0], f[1], f[2], n)
+        _sure_closing(c[0], f, m, n, rounding, out)
     out[0] /= -TWO_PI
     out[1] = out[1] / TWO_PI + _ROUNDING
 
