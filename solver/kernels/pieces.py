@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .nets import halve_u, halve_v
+from .piece_cuts import lay_out, restrict
 
 #: How a surface is seen: not at all (below the horizon or edge-on), + side, − side, both.
 NONE, FRONT, BACK, MIXED = 0, 1, 2, 3
@@ -163,22 +163,6 @@ def see_surfaces(surfaces, x, n, rounding, pieces):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def halve_heights(g, low, high, along_u):
-    """Split coefficients (9, 9) in the middle of one parameter by de Casteljau."""
-    work = np.empty(9)
-    for m in range(9):
-        for k in range(9):
-            work[k] = g[k, m] if along_u else g[m, k]
-        for step in range(9):
-            if along_u:
-                low[step, m], high[8 - step, m] = work[0], work[8 - step]
-            else:
-                low[m, step], high[m, 8 - step] = work[0], work[8 - step]
-            for k in range(8 - step):
-                work[k] = 0.5 * (work[k] + work[k + 1])
-
-
-@nb.njit(cache=True, error_model="numpy")
 def quarter(pieces, surfaces, i):
     """First of the four children of piece ``i``, made when asked for; −1 when the pool is full."""
     if pieces.child[i] >= 0:
@@ -186,33 +170,41 @@ def quarter(pieces, surfaces, i):
     first = pieces.used[0]
     if first + 4 > pieces.nets.shape[0]:
         return -1
+    parts, work = np.empty((4, 4)), np.empty(9)
     box = pieces.box[i]
-    um, vm = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])
-    if not (box[0] < um < box[1] and box[2] < vm < box[3]):
-        return -1
-    pieces.used[0] = first + 4
-    pieces.child[i] = first
-    low, high = np.empty((4, 4, 4)), np.empty((4, 4, 4))
-    halve_u(pieces.nets[i], low, high)
-    halve_v(low, pieces.nets[first], pieces.nets[first + 1])
-    halve_v(high, pieces.nets[first + 2], pieces.nets[first + 3])
-    mixed = pieces.state[i] == MIXED
     patch = pieces.patch[i]
-    if mixed:
-        glow, ghigh = np.empty((9, 9)), np.empty((9, 9))
-        halve_heights(pieces.heights[i], glow, ghigh, True)
-        halve_heights(glow, pieces.heights[first], pieces.heights[first + 1], False)
-        halve_heights(ghigh, pieces.heights[first + 2], pieces.heights[first + 3], False)
+    mixed = pieces.state[i] == MIXED
+    lay_out(pieces.nets[i], pieces.heights[i], pieces.slack[patch], mixed, parts)
+    for k in range(4):
+        own = pieces.box[first + k]
+        for m in range(4):
+            a, b = (box[0], box[1]) if m < 2 else (box[2], box[3])
+            t = parts[k, m]
+            own[m] = a if t <= 0.0 else b if t >= 1.0 else a + t * (b - a)
+        if not (own[0] < own[1] and own[2] < own[3]):
+            return -1
     for k in range(4):
         c = first + k
-        own = pieces.box[c]
-        own[0], own[1] = (box[0], um) if k < 2 else (um, box[1])
-        own[2], own[3] = (box[2], vm) if k % 2 == 0 else (vm, box[3])
         pieces.patch[c], pieces.child[c] = patch, -1
         pieces.state[c] = pieces.state[i]
+        net, g = pieces.nets[c], pieces.heights[c]
+        for m in range(4):
+            for n in range(4):
+                for d in range(4):
+                    net[m, n, d] = pieces.nets[i, m, n, d]
+        for d in range(4):
+            restrict(net[:, :, d], parts[k, 0], parts[k, 1], True, work)
+            restrict(net[:, :, d], parts[k, 2], parts[k, 3], False, work)
         if mixed:
-            skip = _skip(surfaces.neighbors[patch], own)
-            pieces.state[c] = side_seen(pieces.heights[c], pieces.slack[patch], skip)
+            for m in range(9):
+                for n in range(9):
+                    g[m, n] = pieces.heights[i, m, n]
+            restrict(g, parts[k, 0], parts[k, 1], True, work)
+            restrict(g, parts[k, 2], parts[k, 3], False, work)
+            skip = _skip(surfaces.neighbors[patch], pieces.box[c])
+            pieces.state[c] = side_seen(g, pieces.slack[patch], skip)
+    pieces.used[0] = first + 4
+    pieces.child[i] = first
     return first
 
 

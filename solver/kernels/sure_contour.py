@@ -128,9 +128,7 @@ def _sure_closing(e, f, m, n, rounding, out):
     It is known up to whole turns only, and half a turn may be taken in either direction.
     """
     cx, cy, cz = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
-    angle = math.atan2(
-        m[0] * cx + m[1] * cy + m[2] * cz, e[0] * f[0] + e[1] * f[1] + e[2] * f[2]
-    )
+    angle = math.atan2(m[0] * cx + m[1] * cy + m[2] * cz, e[0] * f[0] + e[1] * f[1] + e[2] * f[2])
     a, b = _length(e), _length(f)
     slack = rounding + 2e-16 * (a + b)
     out[1] += math.pi * min(1.0, slack * (a + b) / (math.pi * a * b + 1e-300))
