@@ -29,8 +29,8 @@ import numpy as np
 from .cell_brackets import ALL, NOTHING, TURNS, look
 from .contour import horizon_tolerance, shift_net
 from .nets import CONCAVE, CONVEX, PLANAR
-from .piece_cuts import restrict
-from .pieces import BACK, FRONT, MIXED, NONE, make_pieces, see_surfaces, see_tangents
+from .piece_cuts import STRIP, end_value, restrict, zero_range
+from .pieces import BACK, FRONT, MIXED, NONE, forget_pieces, make_pieces, see_surfaces, see_tangents
 from .ray_patch import WORK
 from .wedges import HIGH, LOW, POINTS, SPLIT
 
@@ -72,6 +72,27 @@ def _source_side(g, slack):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _silhouette_cut(whole, cell, split, g, line):
+    """Parameter in which to cut a source's cell, where (0 … 1), and which half shows one side.
+
+    Beside its silhouette where that lies along a parameter line, as on a cylinder; else in the
+    middle of parameter ``split``, and of neither half it is known (−1).
+    """
+    g[:] = whole
+    restrict(g, cell[0], cell[1], True, line)
+    restrict(g, cell[2], cell[3], False, line)
+    zone = line[:2]
+    for direction in range(2):
+        zero_range(g, 0.0, direction == 0, zone)
+        if 0.0 <= zone[1] - zone[0] <= STRIP:
+            before = zone[0] > 1.0 - zone[1]
+            share = zone[0] if before else zone[1]
+            if 0.0 < share < 1.0:
+                return direction, share, 0 if before else 1
+    return split, 0.5, -1
+
+
+@nb.njit(cache=True, error_model="numpy")
 def _bucket(width):
     """Bucket of an unknown part: the smaller, the later."""
     if width <= 0.0:
@@ -99,6 +120,8 @@ def bracket_pair(
     out[0], out[1] = 0.0, 0.0
     if state == BACK:
         return
+    if 2 * pieces.used[0] > pieces.nets.shape[0]:
+        forget_pieces(pieces)
     for m in range(root_count):
         arena[m] = roots[m]
     used = root_count
@@ -120,6 +143,7 @@ def bracket_pair(
             arena[used + m] = mine[m]
         cells[0, 0], cells[0, 1], cells[0, 2], cells[0, 3] = 0.0, 1.0, 0.0, 1.0
         cells[0, 4], cells[0, 5], cells[0, 6] = found[LOW], found[HIGH], found[SPLIT]
+        cells[0, 7] = state
         links[0, 0], links[0, 1], links[0, 2] = -1, used, count
         used += count
         k = _bucket(found[HIGH] - found[LOW])
@@ -136,9 +160,12 @@ def bracket_pair(
         heads[bucket] = links[cell, 0]
         if heads[bucket] < 0:
             tails[bucket] = -1
-        split = int(cells[cell, 6])
+        split, share, clear = int(cells[cell, 6]), 0.5, -1
+        shown = int(cells[cell, 7])
+        if shown == MIXED:
+            split, share, clear = _silhouette_cut(whole, cells[cell], split, g, line)
         a, b = cells[cell, 2 * split], cells[cell, 2 * split + 1]
-        mid = 0.5 * (a + b)
+        mid = a + share * (b - a)
         if b - a < 1e-12:
             continue
         sum_low -= cells[cell, 4]
@@ -154,12 +181,14 @@ def bracket_pair(
             for k in range(4):
                 restrict(s[:, :, k], u0, u1, True, line)
                 restrict(s[:, :, k], v0, v1, False, line)
-            facing = state
-            if state == MIXED:
+            facing = shown
+            if facing == MIXED:
                 g[:] = whole
                 restrict(g, u0, u1, True, line)
                 restrict(g, v0, v1, False, line)
                 facing = _source_side(g, slack)
+                if half == clear:
+                    facing = FRONT if end_value(g, split == 0, clear) > 0.0 else BACK
             clock[0] += 1
             visits += 1
             counters[VISITED] += 1
@@ -183,6 +212,7 @@ def bracket_pair(
             cells[made, 4], cells[made, 5], cells[made, 6] = (
                 found[LOW], found[HIGH], found[SPLIT],
             )  # fmt: skip
+            cells[made, 7] = facing
             links[made, 0], links[made, 1], links[made, 2] = -1, used, count
             used += count
             k = _bucket(found[HIGH] - found[LOW])
@@ -246,7 +276,7 @@ def bracket_rows(
         see_surfaces(surfaces, x, n, rounding, pieces)
         if on[i] >= 0:
             see_from_itself(pieces, on[i], surfaces.flags[on[i]], views[i])
-        cells, links = np.empty((CELLS, 7)), np.empty((CELLS, 3), dtype=np.int64)
+        cells, links = np.empty((CELLS, 8)), np.empty((CELLS, 3), dtype=np.int64)
         arena = np.empty(LISTED, dtype=np.int64)
         stamps = np.zeros((sheets, 2), dtype=np.int64)
         dirty = np.zeros(sheets, dtype=np.int64)

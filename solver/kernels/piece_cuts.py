@@ -4,7 +4,7 @@ import numba as nb
 import numpy as np
 
 #: A silhouette within this share of a parameter is cut out as a strip.
-_STRIP = 0.25
+STRIP = 0.25
 #: A piece longer than this against its width is cut across only.
 _STRETCH = 16.0
 
@@ -31,7 +31,7 @@ def restrict(g, a, b, along_u, work):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _zero_range(g, slack, along_u, zone):
+def zero_range(g, slack, along_u, zone):
     """Range of one parameter in which coefficients (9, 9) may vanish, into ``zone`` (2,).
 
     Where the convex hull of the coefficients over that parameter meets 0. Beyond the range the
@@ -46,15 +46,27 @@ def _zero_range(g, slack, along_u, zone):
             low[k], high[k] = min(low[k], value), max(high[k], value)
         low[k], high[k] = low[k] - slack, high[k] + slack
     for k in range(9):
-        if high[k] < 0.0:
-            continue
         for m in range(9):
-            if low[m] > 0.0:
-                continue
-            # The segment from a coefficient above to one below.
-            drop = high[k] - low[m]
-            t = (k + (m - k) * (high[k] / drop if drop > 0.0 else 0.0)) / 8.0
-            zone[0], zone[1] = min(zone[0], t), max(zone[1], t)
+            # Segments of the hull from a point above to one below.
+            for corner in range(4):
+                above = low[k] if corner % 2 == 0 else high[k]
+                below = low[m] if corner < 2 else high[m]
+                if above < 0.0 or below > 0.0:
+                    continue
+                drop = above - below
+                t = (k + (m - k) * (above / drop if drop > 0.0 else 0.0)) / 8.0
+                zone[0], zone[1] = min(zone[0], t), max(zone[1], t)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def end_value(g, along_u, end):
+    """The larger of the values at the two corners at one ``end`` (0, 1) of a parameter.
+
+    Beyond the range of zeros its sign is that of the whole part, whatever the coefficients are.
+    """
+    k = 8 * end
+    a, b = (g[k, 0], g[k, 8]) if along_u else (g[0, k], g[8, k])
+    return a if abs(a) > abs(b) else b
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -85,6 +97,14 @@ def lay_out(net, g, slack, mixed, parts):
     parts : (4, 4) array
         Receives u0, u1, v0, v1 of each part.
 
+    Returns
+    -------
+    first, second : int
+        Of the first and the second part: −1, or the end (0, 1) of the parameter cut away from the
+        silhouette, where the part shows one side only.
+    along_u : bool
+        The parameter cut.
+
     Notes
     -----
 
@@ -98,26 +118,28 @@ def lay_out(net, g, slack, mixed, parts):
         own, across = (0, 2) if along_u else (2, 0)
         if mixed:
             # Twice the rounding: what is cut off has to have a clear sign.
-            _zero_range(g, 2.0 * slack, along_u, zone)
-            if 0.0 <= zone[1] - zone[0] <= _STRIP:
+            zero_range(g, 2.0 * slack, along_u, zone)
+            if 0.0 <= zone[1] - zone[0] <= STRIP:
                 for k in range(4):
                     parts[k, across], parts[k, across + 1] = 0.0, 1.0
                     parts[k, own], parts[k, own + 1] = zone[0], zone[1]
                 parts[2, across + 1] = parts[3, across] = 0.5
                 parts[0, own], parts[0, own + 1] = 0.0, zone[0]
                 parts[1, own], parts[1, own + 1] = zone[1], 1.0
-                if zone[0] <= 0.0 or zone[1] >= 1.0:
-                    # Only one side is left: it takes both places.
-                    left = 1 if zone[0] <= 0.0 else 0
-                    for k in range(2):
-                        parts[k, own], parts[k, own + 1] = parts[left, own], parts[left, own + 1]
-                    parts[0, across + 1] = parts[1, across] = 0.5
-                return
+                if zone[0] > 0.0 and zone[1] < 1.0:
+                    return 0, 1, along_u
+                # Only one side is left: it takes both places.
+                left = 1 if zone[0] <= 0.0 else 0
+                for k in range(2):
+                    parts[k, own], parts[k, own + 1] = parts[left, own], parts[left, own + 1]
+                parts[0, across + 1] = parts[1, across] = 0.5
+                return left, left, along_u
         if _is_longer(net, along_u):
             for k in range(4):
                 parts[k, across], parts[k, across + 1] = 0.0, 1.0
                 parts[k, own], parts[k, own + 1] = 0.25 * k, 0.25 * (k + 1)
-            return
+            return -1, -1, along_u
     for k in range(4):
         parts[k, 0], parts[k, 1] = 0.5 * (k // 2), 0.5 * (k // 2 + 1)
         parts[k, 2], parts[k, 3] = 0.5 * (k % 2), 0.5 * (k % 2 + 1)
+    return -1, -1, True

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .piece_cuts import lay_out, restrict
+from .piece_cuts import end_value, lay_out, restrict
 
 #: How a surface is seen: not at all (below the horizon or edge-on), + side, − side, both.
 NONE, FRONT, BACK, MIXED = 0, 1, 2, 3
@@ -78,6 +78,14 @@ def make_pieces(patches, capacity):
         np.empty(patches),
         np.zeros(1, dtype=np.int64),
     )
+
+
+@nb.njit(cache=True, error_model="numpy")
+def forget_pieces(pieces):
+    """Keep the patches only: the next source needs other pieces."""
+    pieces.used[0] = pieces.slack.shape[0]
+    for b in range(pieces.slack.shape[0]):
+        pieces.child[b] = -1
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -174,7 +182,9 @@ def quarter(pieces, surfaces, i):
     box = pieces.box[i]
     patch = pieces.patch[i]
     mixed = pieces.state[i] == MIXED
-    lay_out(pieces.nets[i], pieces.heights[i], pieces.slack[patch], mixed, parts)
+    first_end, second_end, along_u = lay_out(
+        pieces.nets[i], pieces.heights[i], pieces.slack[patch], mixed, parts
+    )
     for k in range(4):
         own = pieces.box[first + k]
         for m in range(4):
@@ -203,6 +213,11 @@ def quarter(pieces, surfaces, i):
             restrict(g, parts[k, 2], parts[k, 3], False, work)
             skip = _skip(surfaces.neighbors[patch], pieces.box[c])
             pieces.state[c] = side_seen(g, pieces.slack[patch], skip)
+            away = first_end if k == 0 else second_end if k == 1 else -1
+            if away >= 0:
+                value = end_value(g, along_u, away)
+                if abs(value) > pieces.slack[patch]:
+                    pieces.state[c] = FRONT if value > 0.0 else BACK
     pieces.used[0] = first + 4
     pieces.child[i] = first
     return first

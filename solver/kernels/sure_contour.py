@@ -106,31 +106,17 @@ def _length(p):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _sure_chord(p, q, n, rounding, out):
-    """Add the contour term of a straight edge, and what the rounding of its ends does, to ``out``.
-
-    Where the edge passes close to the receiver its plane through the receiver is lost in rounding.
-    """
-    a, b = _length(p), _length(q)
-    cx, cy, cz = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
-    size = a * b
-    if p[0] * q[0] + p[1] * q[1] + p[2] * q[2] < 0.0:
-        size = math.sqrt(cx * cx + cy * cy + cz * cz)
-    slack = rounding + 2e-16 * (a + b)
-    out[1] += math.pi * min(1.0, slack * (a + b) / (math.pi * size + 1e-300))
-    out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
-
-
-@nb.njit(cache=True, error_model="numpy")
 def _sure_closing(e, f, m, n, rounding, out):
-    """Add the contour term from ``e`` to ``f`` in the cutting plane ``m`` to ``out``, likewise.
+    """Add the contour term from ``e`` to ``f`` in the cutting plane ``m`` to ``out`` (2,).
 
-    It is known up to whole turns only, and half a turn may be taken in either direction.
+    It is known up to whole turns only, and half a turn may be taken in either direction. Where an
+    edge touches the plane in the receiver itself, the directions of its ends are rounding: that is
+    part of the bound.
     """
     cx, cy, cz = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
     angle = math.atan2(m[0] * cx + m[1] * cy + m[2] * cz, e[0] * f[0] + e[1] * f[1] + e[2] * f[2])
     a, b = _length(e), _length(f)
-    slack = rounding + 2e-16 * (a + b)
+    slack = 0.1 * rounding + 2e-16 * (a + b)
     out[1] += math.pi * min(1.0, slack * (a + b) / (math.pi * a * b + 1e-300))
     out[0] += angle * (m[0] * n[0] + m[1] * n[1] + m[2] * n[2])
 
@@ -198,7 +184,7 @@ def sure_factor(s, m, n, rounding, out):
                     above = True
                 if straight:
                     cubic_point(c, tb, q)
-                    _sure_chord(p, q, n, rounding, out)
+                    out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
                 else:
                     _sure_curve(c, ta, tb, n, out)
             elif above:
