@@ -121,6 +121,22 @@ def _cell_normal(s, normal):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _cone_factor(s, axis):
+    """Largest form factor of a cone about ``axis`` that holds all control points: sin² of it."""
+    most = 0.0
+    for i in range(4):
+        for j in range(4):
+            x, y, z = s[i, j, 0], s[i, j, 1], s[i, j, 2]
+            cx, cy, cz = (
+                y * axis[2] - z * axis[1],
+                z * axis[0] - x * axis[2],
+                x * axis[1] - y * axis[0],
+            )
+            most = max(most, (cx * cx + cy * cy + cz * cz) / (x * x + y * y + z * z))
+    return most + 4e-16
+
+
+@nb.njit(cache=True, error_model="numpy")
 def _depths(s, axis, reach, place):
     """Least and largest depth of the control points along ``axis`` into two places of ``reach``."""
     least, most = 1e300, -1e300
@@ -195,7 +211,8 @@ def look(
             known = error < share < 1.0 - error
         total, error = (min(max(share, 0.0), 1.0), error) if known else (1.0, 0.0)
     if ok:
-        bound = pyramid_factor(planes, n, poly, other)
+        # Sides of a tiny strip are lost in rounding: then a cone holds it more tightly.
+        bound = min(pyramid_factor(planes, n, poly, other), _cone_factor(s, planes[4]))
         if facing != FRONT or bound < total:
             total = min(bound, total)
     if parent_count == 0:
