@@ -212,6 +212,11 @@ def neighbors(nets: FloatArray, adjacent: IntArray) -> IntArray:
             if b == a:  # a patch that closes on itself: not with this side
                 same[side] = np.inf
             k = int(np.argmin(np.minimum(same, turned)))
+            # Edges count as one within a share of the whole set: wider than a patch can be.
+            across = edges[a, (side + 2) % 4]
+            width = min(np.abs(across - own).max(), np.abs(across[::-1] - own).max())
+            if min(same[k], turned[k]) > 0.01 * width:
+                continue
             reverse = turned[k] < same[k]
             # Neighbours of one orientation run through their edge in opposite directions.
             consistent = _TURN[side] * _TURN[k] * (-1 if reverse else 1) < 0
