@@ -11,19 +11,24 @@ from .model.bezier import surface_points
 _BATCH = 4096
 
 
-def normals_under(points: FloatArray, nets: FloatArray) -> FloatArray:
-    """Unit +normals (m, 3) of nets (m, 4, 4, 4) at the feet of points (m, 3), one net a point.
+def normals_under(points: FloatArray, nets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Feet of points (m, 3) on nets (m, 4, 4, 4), one net a point.
 
-    0 where the surface has no normal: at a side collapsed to a point.
+    Returns
+    -------
+    normals : (m, 3) array
+        Unit +normals there; 0 where the surface has none, at a side collapsed to a point.
+    gaps : (m,) array
+        Distances from the points. [m]
     """
-    out = np.zeros((len(points), 3))
+    normals, gaps = np.zeros((len(points), 3)), np.zeros(len(points))
     for start in range(0, len(points), _BATCH):
         some = slice(start, start + _BATCH)
-        out[some] = _normals(points[some], nets[some])
-    return out
+        normals[some], gaps[some] = _feet(points[some], nets[some])
+    return normals, gaps
 
 
-def _normals(x: FloatArray, nets: FloatArray) -> FloatArray:
+def _feet(x: FloatArray, nets: FloatArray) -> tuple[FloatArray, FloatArray]:
     t = np.linspace(0.0, 1.0, 9)
     u, v = (np.broadcast_to(g.ravel(), (len(x), 81)) for g in np.meshgrid(t, t, indexing="ij"))
     at, _, _ = surface_points(nets, u, v)
@@ -41,9 +46,10 @@ def _normals(x: FloatArray, nets: FloatArray) -> FloatArray:
         u, v = np.clip(u + du, 0.0, 1.0), np.clip(v + dv, 0.0, 1.0)
         if max(np.abs(du).max(), np.abs(dv).max()) <= 1e-14:
             break
-    _, su, sv = surface_points(nets, u, v)
+    at, su, sv = surface_points(nets, u, v)
     normal = np.cross(su, sv)[:, 0]
     size = np.linalg.norm(normal, axis=1)
     spread = np.linalg.norm(su[:, 0], axis=1) * np.linalg.norm(sv[:, 0], axis=1)
     good = size > 1e-9 * np.maximum(spread, 1e-300)
-    return np.where(good[:, None], normal / np.where(good, size, 1.0)[:, None], 0.0)
+    unit = np.where(good[:, None], normal / np.where(good, size, 1.0)[:, None], 0.0)
+    return unit, np.linalg.norm(at[:, 0] - x, axis=1)

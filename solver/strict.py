@@ -65,14 +65,15 @@ def strict_form_factors(
 
     surfaces = see_through(blockers)
     tangents, centers = tangent_planes(sources.nets)
+    under, views = touched(x, n, on, surfaces)
     shape = plain.factors.shape
     low, high = np.zeros(shape), np.zeros(shape)
     counters = np.zeros((len(x), 5), dtype=np.int64)
     bracket_rows(
         writable(x),
         writable(n * share),
-        writable(on, np.int64),
-        views(x, n, on, surfaces),
+        writable(under, np.int64),
+        views,
         sources.nets,
         sources.flags,
         writable(sources.group[:, 2], np.int64),
@@ -99,23 +100,43 @@ def strict_form_factors(
     return FormFactors(value, low, high, True, {name: int(total[c]) for name, c in names.items()})
 
 
-def views(x: FloatArray, n: FloatArray, on: IntArray, surfaces: Surfaces) -> IntArray:
-    """How receivers (m,) on hollow or bulging surfaces look, for `kernels.brackets.bracket_rows`.
+def touched(
+    x: FloatArray, n: FloatArray, on: IntArray, surfaces: Surfaces
+) -> tuple[IntArray, IntArray]:
+    """Hollow and bulging surfaces that receivers (m,) lie on, and how the receivers look from each.
 
-    1e-7 of a turn askew shows or hides 1e-14 of a surface.
+    ``on`` names one of them; on a seam and in a corner there are more.
+
+    Returns
+    -------
+    rows : (m, 5) int array
+        ``on``, then those of its neighbours that a receiver lies on too; −1 for none.
+    views : (m, 5) int array
+        `kernels.brackets.AWAY`, `ALONG` or `ASKEW`; 1e-7 of a turn askew shows or hides 1e-14 of a
+        surface.
     """
     from .kernels.brackets import ALONG, ASKEW, AWAY
     from .kernels.nets import CONCAVE, CONVEX
+    from .topology import bounding_spheres
 
-    out = np.full(len(x), ASKEW, dtype=np.int64)
-    rows = np.flatnonzero((on >= 0) & ((surfaces.flags[on] & (CONVEX | CONCAVE)) != 0))
-    normal = normals_under(x[rows], surfaces.nets[on[rows]])
-    hollow = np.where(surfaces.flags[on[rows]] & CONCAVE, 1.0, -1.0)
-    askew = np.linalg.norm(np.cross(normal, n[rows]), axis=1)
-    along = hollow * np.einsum("mk,mk->m", normal, n[rows])
+    beside = np.where(on[:, None] >= 0, surfaces.neighbors[on, :, 0], -1)
+    rows = np.concatenate([on[:, None], beside], axis=1)
+    for k in range(1, 5):  # a closed surface of one or two patches is beside itself
+        rows[(rows[:, :k] == rows[:, k, None]).any(axis=1), k] = -1
+    bent = (rows >= 0) & ((surfaces.flags[rows] & (CONVEX | CONCAVE)) != 0)
+    views = np.full(rows.shape, ASKEW, dtype=np.int64)
+    i, k = np.nonzero(bent)
+    own = rows[i, k]
+    normal, gap = normals_under(x[i], surfaces.nets[own])
+    away = (k > 0) & (gap > 1e-9 * bounding_spheres(surfaces.nets)[own, 3])
+    hollow = np.where(surfaces.flags[own] & CONCAVE, 1.0, -1.0)
+    askew = np.linalg.norm(np.cross(normal, n[i]), axis=1)
+    along = hollow * np.einsum("mk,mk->m", normal, n[i])
     square = (askew <= 1e-7) & (along != 0.0)
-    out[rows[square]] = np.where(along[square] > 0.0, ALONG, AWAY)
-    return out
+    views[i[square], k[square]] = np.where(along[square] > 0.0, ALONG, AWAY)
+    rows[i[away], k[away]] = -1
+    rows[:, 1:][~bent[:, 1:]] = -1
+    return rows, views
 
 
 def see_through(blockers: Blockers) -> Surfaces:

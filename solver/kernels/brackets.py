@@ -241,9 +241,9 @@ def bracket_rows(
     ----------
     nodes, normals : (m, 3) array
         Receivers [m] and unit normals; a receiver with normal 0 gets no light.
-    on : (m,) int array
-        Surface each receiver lies on, −1 for none.
-    views : (m,) int array
+    on : (m, k) int array
+        Surfaces each receiver lies on, −1 for none.
+    views : (m, k) int array
         `AWAY`, `ALONG` or `ASKEW` where that is hollow or bulging.
     nets, flags : (n, 4, 4, 4), (n,) array
         Sources, and their shapes from `topology.shape_flags`.
@@ -274,8 +274,9 @@ def bracket_rows(
         rounding = horizon_tolerance(x)
         pieces = make_pieces(count, PIECES)
         see_surfaces(surfaces, x, n, rounding, pieces)
-        if on[i] >= 0:
-            see_from_itself(pieces, on[i], surfaces.flags[on[i]], views[i])
+        for k in range(on.shape[1]):
+            if on[i, k] >= 0:
+                see_from_itself(pieces, on[i, k], surfaces.flags[on[i, k]], views[i, k])
         cells, links = np.empty((CELLS, 8)), np.empty((CELLS, 3), dtype=np.int64)
         arena = np.empty(LISTED, dtype=np.int64)
         stamps = np.zeros((sheets, 2), dtype=np.int64)
@@ -301,10 +302,13 @@ def bracket_rows(
                     k += 1
             slack = see_tangents(tangents[j], centers[j], x, whole)
             state = _source_side(whole, slack)
-            if on[i] == row and flags[j] & (CONVEX | CONCAVE):
-                # A surface given from both sides is one: the source may be either side of it.
-                state = FRONT if flags[j] & CONCAVE else BACK
-            wide = TURNS if alone and (on[i] != row or views[i] == ALONG) else NOTHING
+            wide = TURNS if alone else NOTHING
+            for m in range(on.shape[1]):
+                if on[i, m] == row and flags[j] & (CONVEX | CONCAVE):
+                    # A surface given from both sides is one: the source may be either side of it.
+                    state = FRONT if flags[j] & CONCAVE else BACK
+                    if views[i, m] != ALONG:
+                        wide = NOTHING
             if flags[j] & PLANAR:
                 wide = ALL
             bracket_pair(
