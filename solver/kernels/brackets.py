@@ -117,6 +117,11 @@ def bracket_pair(
     tails = np.full(_BUCKETS, -1, dtype=np.int64)
     own_sheet = surfaces.sheet[row]
     shift_net(net, x, s)
+    noise = 0.0
+    for i in range(4):
+        for j in range(4):
+            for k in range(3):
+                noise = max(noise, 2e-16 * abs(s[i, j, k]))
     out[0], out[1] = 0.0, 0.0
     if state == BACK:
         return
@@ -127,7 +132,7 @@ def bracket_pair(
     used = root_count
     clock[0] += 1
     count = look(
-        s, state, wide, own_sheet, x, n, rounding, surfaces, pieces, roots, root_count, mine,
+        s, state, wide, 0.0, own_sheet, x, n, rounding, surfaces, pieces, roots, root_count, mine,
         clock[0], stamps, dirty, space, points, work, found,
     )  # fmt: skip
     counters[VISITED] += 1
@@ -195,7 +200,7 @@ def bracket_pair(
             if facing == BACK:
                 continue
             count = look(
-                s, facing, wide, own_sheet, x, n, rounding, surfaces, pieces,
+                s, facing, wide, noise, own_sheet, x, n, rounding, surfaces, pieces,
                 arena[start : start + length], length, mine, clock[0], stamps, dirty, space, points,
                 work, found,
             )  # fmt: skip

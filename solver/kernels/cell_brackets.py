@@ -181,12 +181,13 @@ def _wide_cell(
 
 @nb.njit(cache=True, error_model="numpy")
 def look(
-    s, facing, wide, own_sheet, x, n, rounding, surfaces, pieces, parent, parent_count, mine, stamp,
-    stamps, dirty, space, points, work, found,
+    s, facing, wide, noise, own_sheet, x, n, rounding, surfaces, pieces, parent, parent_count, mine,
+    stamp, stamps, dirty, space, points, work, found,
 ):  # fmt: skip
     """Bracket of one cell into ``found``; leaves the list of what may hide it in ``mine``.
 
-    Returns the length of the list. ``wide`` is what is known of cells without a pyramid.
+    Returns the length of the list. ``wide`` is what is known of cells without a pyramid,
+    ``noise`` the rounding of control points.
     """
     planes, normal, frame = space[0:8], space[9], space[10:13]
     tri, cut, value = space[13:16], space[16], space[18]
@@ -202,7 +203,7 @@ def look(
     total, error = 1.0, 0.0
     known = facing == FRONT and (ok or wide != NOTHING)
     if known:
-        sure_factor(s, n, n, rounding, value)
+        sure_factor(s, n, n, rounding, noise, value)
         share, error = value[0], value[1]
         if not ok and wide == TURNS:
             # The horizon may be closed the long way round, and a patch about the receiver has a
@@ -337,8 +338,8 @@ def look(
         return 0
     if facing == FRONT and spots > 0 and low >= -rounding:
         cut_cell(
-            s, n, x, frame, points, spots, surfaces, pieces, mine, count, total, error, found,
-            cut, tri, work, value,
+            s, n, noise, x, frame, points, spots, surfaces, pieces, mine, count, total, error,
+            found, cut, tri, work, value,
         )  # fmt: skip
         if stretched:
             found[SPLIT] = longer

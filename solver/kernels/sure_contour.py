@@ -122,7 +122,7 @@ def _sure_closing(e, f, m, n, rounding, out):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def sure_factor(s, m, n, rounding, out):
+def sure_factor(s, m, n, rounding, noise, out):
     """Signed form factor of the part of shifted net ``s`` with m · H > 0, and its error bound.
 
     Parameters
@@ -134,6 +134,8 @@ def sure_factor(s, m, n, rounding, out):
         above the horizon, or m = n.
     rounding : float
         Height that counts as on the plane.
+    noise : float
+        Rounding of the control points: of a part that was cut out of a larger net.
     out : (2,) array
         Receives the factor and the bound of its error.
     """
@@ -182,8 +184,12 @@ def sure_factor(s, m, n, rounding, out):
                         have_entry = True
                         f[:] = p
                     above = True
+                cubic_point(c, tb, q)
+                # Directions of ends close to the receiver are known no better than this.
+                slack = noise if ta == 0.0 and tb == 1.0 else noise + 4e-16 * (scale + size)
+                if slack > 0.0:
+                    out[1] += min(TWO_PI, slack * (1.0 / _length(p) + 1.0 / _length(q)))
                 if straight:
-                    cubic_point(c, tb, q)
                     out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
                 else:
                     _sure_curve(c, ta, tb, n, out)

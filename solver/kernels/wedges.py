@@ -236,7 +236,7 @@ def _sample(s, frame, ax, ay, a, b, ends, tri):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _share_beyond(s, n, frame, ax, ay, c, m, value):
+def _share_beyond(s, n, noise, frame, ax, ay, c, m, value):
     """Factor of the part of the cell beyond coordinate ``c``, and its error, into ``value``."""
     size = 0.0
     for k in range(3):
@@ -245,13 +245,13 @@ def _share_beyond(s, n, frame, ax, ay, c, m, value):
     size = math.sqrt(size)
     for k in range(3):
         m[k] /= size
-    sure_factor(s, m, n, 0.0, value)
+    sure_factor(s, m, n, 0.0, noise, value)
 
 
 @nb.njit(cache=True, error_model="numpy")
 def cut_cell(
-    s, n, x, frame, points, count, surfaces, pieces, mine, listed, total, error, found, m, tri,
-    work, value,
+    s, n, noise, x, frame, points, count, surfaces, pieces, mine, listed, total, error, found, m,
+    tri, work, value,
 ):  # fmt: skip
     """Bracket of a front-facing cell whose shadow edges are at ``points`` (count, 3).
 
@@ -317,10 +317,10 @@ def cut_cell(
             continue
         share = total - error
         if a > begin:
-            _share_beyond(s, n, frame, nx, ny, a, m, value)
+            _share_beyond(s, n, noise, frame, nx, ny, a, m, value)
             share = value[0] - value[1]
         if b < end:
-            _share_beyond(s, n, frame, nx, ny, b, m, value)
+            _share_beyond(s, n, noise, frame, nx, ny, b, m, value)
             share -= value[0] + value[1]
         if status == 0:
             lit += max(0.0, share)
