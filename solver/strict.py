@@ -125,16 +125,16 @@ def touched(
         rows[(rows[:, :k] == rows[:, k, None]).any(axis=1), k] = -1
     bent = (rows >= 0) & ((surfaces.flags[rows] & (CONVEX | CONCAVE)) != 0)
     views = np.full(rows.shape, ASKEW, dtype=np.int64)
-    i, k = np.nonzero(bent)
-    own = rows[i, k]
+    i, column = np.nonzero(bent)
+    own = rows[i, column]
     normal, gap = normals_under(x[i], surfaces.nets[own])
-    away = (k > 0) & (gap > 1e-9 * bounding_spheres(surfaces.nets)[own, 3])
+    away = (column > 0) & (gap > 1e-9 * bounding_spheres(surfaces.nets)[own, 3])
     hollow = np.where(surfaces.flags[own] & CONCAVE, 1.0, -1.0)
     askew = np.linalg.norm(np.cross(normal, n[i]), axis=1)
     along = hollow * np.einsum("mk,mk->m", normal, n[i])
     square = (askew <= 1e-7) & (along != 0.0)
-    views[i[square], k[square]] = np.where(along[square] > 0.0, ALONG, AWAY)
-    rows[i[away], k[away]] = -1
+    views[i[square], column[square]] = np.where(along[square] > 0.0, ALONG, AWAY)
+    rows[i[away], column[away]] = -1
     rows[:, 1:][~bent[:, 1:]] = -1
     return rows, views
 

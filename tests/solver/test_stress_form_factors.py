@@ -325,3 +325,53 @@ def test_the_order_of_blockers_changes_nothing(visibility):
     # Cells are the same; sums over their lists may round otherwise.
     np.testing.assert_allclose(other.low, some.low, atol=1e-13)
     np.testing.assert_allclose(other.high, some.high, atol=1e-13)
+
+
+@WAYS
+def test_one_more_blocker_never_raises(visibility):
+    rng = np.random.default_rng(8)
+    blockers, previous = [], factor(LAMP, visibility=visibility, accuracy=1e-4)
+    for k in range(6):
+        place, size = rng.uniform((-1, -1, 0.5), (1, 1, 1.5)), rng.uniform(0.05, 0.3)
+        blockers.append(
+            PatchSet.sphere(place, size)
+            if k % 2
+            else PatchSet.box((size, 2 * size, 0.5 * size), center=tuple(place))
+        )
+        found = factor(LAMP, PatchSet.concatenated(*blockers), visibility=visibility, accuracy=1e-4)
+        assert found.low.sum() <= previous.high.sum()
+        # Values are off by 1e-4 of the free factor, each.
+        assert found.value.sum() <= previous.value.sum() + 1e-4
+        previous = found
+    assert previous.value.sum() < 0.95 * total(LAMP)
+
+
+@WAYS
+@pytest.mark.parametrize("seam", [0.0, 0.05, 0.123])
+@pytest.mark.parametrize("slant", [0.0, 0.4])
+def test_sheets_with_a_common_edge_leak_exactly_nothing(seam, slant, visibility):
+    """Given as one set or as two: the seam is not an opening, level or folded along it."""
+    left = rectangle((-4, -4, 1 - slant), (-4, 4, 1 - slant), (seam, 4, 1), (seam, -4, 1))
+    right = rectangle((seam, -4, 1), (seam, 4, 1), (4, 4, 1 - slant), (4, -4, 1 - slant))
+    found = factor(LAMP, PatchSet.concatenated(left, right), visibility=visibility)
+    assert found.high.max() == 0.0
+
+
+@WAYS
+def test_a_blind_of_a_hundred_slats(visibility):
+    y = np.linspace(-1, 1, 100)
+    blind = PatchSet.from_bilinear(
+        [[(-2, a, 1), (2, a, 1), (2, a + 0.008, 1.02), (-2, a + 0.008, 1.02)] for a in y]
+    )
+    found = factor(LAMP, blind, visibility=visibility, accuracy=1e-4)
+    hidden, end = 0.0, -1.5
+    for a in y:
+        # A slat hides what lies between the planes through its edges; neighbours overlap.
+        y0, y1 = sorted((2 * a, 2 * (a + 0.008) / 1.02))
+        y0, y1 = max(y0, end), min(y1, 1.5)
+        if y1 > y0:
+            hidden += total(ceiling(-1.5, 1.5, y0, y1, 2.0))
+            end = y1
+    assert found.low.sum() - 1e-10 <= total(LAMP) - hidden <= found.high.sum() + 1e-10
+    assert found.width.sum() <= 1e-4
+    assert found.value.sum() == pytest.approx(total(LAMP) - hidden, abs=1e-4 * total(LAMP))
