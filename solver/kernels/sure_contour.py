@@ -188,7 +188,8 @@ def sure_factor(s, m, n, rounding, noise, out):
                 # Directions of ends close to the receiver are known no better than this.
                 slack = noise if ta == 0.0 and tb == 1.0 else noise + 4e-16 * (scale + size)
                 if slack > 0.0:
-                    out[1] += min(TWO_PI, slack * (1.0 / _length(p) + 1.0 / _length(q)))
+                    near = min(_length(p), _length(q))
+                    out[1] += min(TWO_PI, 2.0 * slack / (near + 1e-300))
                 if straight:
                     out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
                 else:
