@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .feet import normals_under
 from .model import bezier
 from .model.arrays import FloatArray, IntArray
 from .model.form_factors import FormFactors
@@ -64,13 +65,15 @@ def strict_form_factors(
 
     surfaces = see_through(blockers)
     tangents, centers = tangent_planes(sources.nets)
+    under, views = touched(x, n, on, surfaces)
     shape = plain.factors.shape
     low, high = np.zeros(shape), np.zeros(shape)
     counters = np.zeros((len(x), 5), dtype=np.int64)
     bracket_rows(
         writable(x),
         writable(n * share),
-        writable(on, np.int64),
+        writable(under, np.int64),
+        views,
         sources.nets,
         sources.flags,
         writable(sources.group[:, 2], np.int64),
@@ -95,6 +98,45 @@ def strict_form_factors(
     }
     value = 0.5 * (low + high) if hide else np.clip(plain.factors, low, high)
     return FormFactors(value, low, high, True, {name: int(total[c]) for name, c in names.items()})
+
+
+def touched(
+    x: FloatArray, n: FloatArray, on: IntArray, surfaces: Surfaces
+) -> tuple[IntArray, IntArray]:
+    """Hollow and bulging surfaces that receivers (m,) lie on, and how the receivers look from each.
+
+    ``on`` names one of them; on a seam and in a corner there are more.
+
+    Returns
+    -------
+    rows : (m, 5) int array
+        ``on``, then those of its neighbours that a receiver lies on too; −1 for none.
+    views : (m, 5) int array
+        `kernels.brackets.AWAY`, `ALONG` or `ASKEW`; 1e-7 of a turn askew shows or hides 1e-14 of a
+        surface.
+    """
+    from .kernels.brackets import ALONG, ASKEW, AWAY
+    from .kernels.nets import CONCAVE, CONVEX
+    from .topology import bounding_spheres
+
+    beside = np.where(on[:, None] >= 0, surfaces.neighbors[on, :, 0], -1)
+    rows = np.concatenate([on[:, None], beside], axis=1)
+    for k in range(1, 5):  # a closed surface of one or two patches is beside itself
+        rows[(rows[:, :k] == rows[:, k, None]).any(axis=1), k] = -1
+    bent = (rows >= 0) & ((surfaces.flags[rows] & (CONVEX | CONCAVE)) != 0)
+    views = np.full(rows.shape, ASKEW, dtype=np.int64)
+    i, column = np.nonzero(bent)
+    own = rows[i, column]
+    normal, gap = normals_under(x[i], surfaces.nets[own])
+    away = (column > 0) & (gap > 1e-9 * bounding_spheres(surfaces.nets)[own, 3])
+    hollow = np.where(surfaces.flags[own] & CONCAVE, 1.0, -1.0)
+    askew = np.linalg.norm(np.cross(normal, n[i]), axis=1)
+    along = hollow * np.einsum("mk,mk->m", normal, n[i])
+    square = (askew <= 1e-7) & (along != 0.0)
+    views[i[square], column[square]] = np.where(along[square] > 0.0, ALONG, AWAY)
+    rows[i[away], column[away]] = -1
+    rows[:, 1:][~bent[:, 1:]] = -1
+    return rows, views
 
 
 def see_through(blockers: Blockers) -> Surfaces:
@@ -191,6 +233,11 @@ def neighbors(nets: FloatArray, adjacent: IntArray) -> IntArray:
             if b == a:  # a patch that closes on itself: not with this side
                 same[side] = np.inf
             k = int(np.argmin(np.minimum(same, turned)))
+            # Edges count as one within a share of the whole set: wider than a patch can be.
+            across = edges[a, (side + 2) % 4]
+            width = min(np.abs(across - own).max(), np.abs(across[::-1] - own).max())
+            if min(same[k], turned[k]) > 0.01 * width:
+                continue
             reverse = turned[k] < same[k]
             # Neighbours of one orientation run through their edge in opposite directions.
             consistent = _TURN[side] * _TURN[k] * (-1 if reverse else 1) < 0

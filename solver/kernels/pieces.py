@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .nets import halve_u, halve_v
+from .piece_cuts import end_value, lay_out, restrict
 
 #: How a surface is seen: not at all (below the horizon or edge-on), + side, − side, both.
 NONE, FRONT, BACK, MIXED = 0, 1, 2, 3
@@ -81,8 +81,16 @@ def make_pieces(patches, capacity):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def forget_pieces(pieces):
+    """Keep the patches only: the next source needs other pieces."""
+    pieces.used[0] = pieces.slack.shape[0]
+    for b in range(pieces.slack.shape[0]):
+        pieces.child[b] = -1
+
+
+@nb.njit(cache=True, error_model="numpy")
 def side_seen(g, slack, skip):
-    """`FRONT`, `BACK` or `MIXED` from coefficients (9, 9).
+    """`FRONT`, `BACK` or `MIXED` from coefficients (9, 9) beyond ``slack``.
 
     The row of a side that is collapsed to a point is 0 and says nothing: bit k of ``skip`` leaves
     out side k.
@@ -156,23 +164,10 @@ def see_surfaces(surfaces, x, n, rounding, pieces):
             pieces.state[b] = NONE
         else:
             skip = _skip(surfaces.neighbors[b], box)
-            pieces.state[b] = side_seen(pieces.heights[b], pieces.slack[b], skip)
-
-
-@nb.njit(cache=True, error_model="numpy")
-def halve_heights(g, low, high, along_u):
-    """Split coefficients (9, 9) in the middle of one parameter by de Casteljau."""
-    work = np.empty(9)
-    for m in range(9):
-        for k in range(9):
-            work[k] = g[k, m] if along_u else g[m, k]
-        for step in range(9):
-            if along_u:
-                low[step, m], high[8 - step, m] = work[0], work[8 - step]
-            else:
-                low[m, step], high[m, 8 - step] = work[0], work[8 - step]
-            for k in range(8 - step):
-                work[k] = 0.5 * (work[k] + work[k + 1])
+            # A patch that is edge-on somewhere but never turns has no silhouette inside; along its
+            # sides the neighbours tell. Between pieces of one patch nothing would tell: there the
+            # sign has to be clear.
+            pieces.state[b] = side_seen(pieces.heights[b], -pieces.slack[b], skip)
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -183,33 +178,48 @@ def quarter(pieces, surfaces, i):
     first = pieces.used[0]
     if first + 4 > pieces.nets.shape[0]:
         return -1
+    parts, work = np.empty((4, 4)), np.empty(9)
     box = pieces.box[i]
-    um, vm = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])
-    if not (box[0] < um < box[1] and box[2] < vm < box[3]):
-        return -1
-    pieces.used[0] = first + 4
-    pieces.child[i] = first
-    low, high = np.empty((4, 4, 4)), np.empty((4, 4, 4))
-    halve_u(pieces.nets[i], low, high)
-    halve_v(low, pieces.nets[first], pieces.nets[first + 1])
-    halve_v(high, pieces.nets[first + 2], pieces.nets[first + 3])
-    mixed = pieces.state[i] == MIXED
     patch = pieces.patch[i]
-    if mixed:
-        glow, ghigh = np.empty((9, 9)), np.empty((9, 9))
-        halve_heights(pieces.heights[i], glow, ghigh, True)
-        halve_heights(glow, pieces.heights[first], pieces.heights[first + 1], False)
-        halve_heights(ghigh, pieces.heights[first + 2], pieces.heights[first + 3], False)
+    mixed = pieces.state[i] == MIXED
+    first_end, second_end, along_u = lay_out(
+        pieces.nets[i], pieces.heights[i], pieces.slack[patch], mixed, parts
+    )
+    for k in range(4):
+        own = pieces.box[first + k]
+        for m in range(4):
+            a, b = (box[0], box[1]) if m < 2 else (box[2], box[3])
+            t = parts[k, m]
+            own[m] = a if t <= 0.0 else b if t >= 1.0 else a + t * (b - a)
+        if not (own[0] < own[1] and own[2] < own[3]):
+            return -1
     for k in range(4):
         c = first + k
-        own = pieces.box[c]
-        own[0], own[1] = (box[0], um) if k < 2 else (um, box[1])
-        own[2], own[3] = (box[2], vm) if k % 2 == 0 else (vm, box[3])
         pieces.patch[c], pieces.child[c] = patch, -1
         pieces.state[c] = pieces.state[i]
+        net, g = pieces.nets[c], pieces.heights[c]
+        for m in range(4):
+            for n in range(4):
+                for d in range(4):
+                    net[m, n, d] = pieces.nets[i, m, n, d]
+        for d in range(4):
+            restrict(net[:, :, d], parts[k, 0], parts[k, 1], True, work)
+            restrict(net[:, :, d], parts[k, 2], parts[k, 3], False, work)
         if mixed:
-            skip = _skip(surfaces.neighbors[patch], own)
-            pieces.state[c] = side_seen(pieces.heights[c], pieces.slack[patch], skip)
+            for m in range(9):
+                for n in range(9):
+                    g[m, n] = pieces.heights[i, m, n]
+            restrict(g, parts[k, 0], parts[k, 1], True, work)
+            restrict(g, parts[k, 2], parts[k, 3], False, work)
+            skip = _skip(surfaces.neighbors[patch], pieces.box[c])
+            pieces.state[c] = side_seen(g, pieces.slack[patch], skip)
+            away = first_end if k == 0 else second_end if k == 1 else -1
+            if away >= 0:
+                value = end_value(g, along_u, away)
+                if abs(value) > pieces.slack[patch]:
+                    pieces.state[c] = FRONT if value > 0.0 else BACK
+    pieces.used[0] = first + 4
+    pieces.child[i] = first
     return first
 
 

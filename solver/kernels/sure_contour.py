@@ -101,7 +101,28 @@ def _sure_curve(c, ta, tb, n, out):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def sure_factor(s, m, n, rounding, out):
+def _length(p):
+    return math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _sure_closing(e, f, m, n, rounding, out):
+    """Add the contour term from ``e`` to ``f`` in the cutting plane ``m`` to ``out`` (2,).
+
+    It is known up to whole turns only, and half a turn may be taken in either direction. Where an
+    edge touches the plane in the receiver itself, the directions of its ends are rounding: that is
+    part of the bound.
+    """
+    cx, cy, cz = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
+    angle = math.atan2(m[0] * cx + m[1] * cy + m[2] * cz, e[0] * f[0] + e[1] * f[1] + e[2] * f[2])
+    a, b = _length(e), _length(f)
+    slack = 0.1 * rounding + 2e-16 * (a + b)
+    out[1] += math.pi * min(1.0, slack * (a + b) / (math.pi * a * b + 1e-300))
+    out[0] += angle * (m[0] * n[0] + m[1] * n[1] + m[2] * n[2])
+
+
+@nb.njit(cache=True, error_model="numpy")
+def sure_factor(s, m, n, rounding, noise, out):
     """Signed form factor of the part of shifted net ``s`` with m · H > 0, and its error bound.
 
     Parameters
@@ -113,6 +134,8 @@ def sure_factor(s, m, n, rounding, out):
         above the horizon, or m = n.
     rounding : float
         Height that counts as on the plane.
+    noise : float
+        Rounding of the control points: of a part that was cut out of a larger net.
     out : (2,) array
         Receives the factor and the bound of its error.
     """
@@ -155,14 +178,19 @@ def sure_factor(s, m, n, rounding, out):
                 cubic_point(c, ta, p)
                 if not above:
                     if have_exit:
-                        out[0] += chord_term(e[0], e[1], e[2], p[0], p[1], p[2], n)
+                        _sure_closing(e, p, m, n, rounding, out)
                         have_exit = False
                     elif began:
                         have_entry = True
                         f[:] = p
                     above = True
+                cubic_point(c, tb, q)
+                # Directions of ends close to the receiver are known no better than this.
+                slack = noise if ta == 0.0 and tb == 1.0 else noise + 4e-16 * (scale + size)
+                if slack > 0.0:
+                    near = min(_length(p), _length(q))
+                    out[1] += min(TWO_PI, 2.0 * slack / (near + 1e-300))
                 if straight:
-                    cubic_point(c, tb, q)
                     out[0] += chord_term(p[0], p[1], p[2], q[0], q[1], q[2], n)
                 else:
                     _sure_curve(c, ta, tb, n, out)
@@ -173,12 +201,12 @@ def sure_factor(s, m, n, rounding, out):
             began = True
     load_edge(s, 0, c)
     if have_exit and have_entry:
-        out[0] += chord_term(e[0], e[1], e[2], f[0], f[1], f[2], n)
+        _sure_closing(e, f, m, n, rounding, out)
     elif have_exit:
         # The walk began inside and ends outside, at its first point.
-        out[0] += chord_term(e[0], e[1], e[2], c[0, 0], c[0, 1], c[0, 2], n)
+        _sure_closing(e, c[0], m, n, rounding, out)
     elif above and have_entry:
-        out[0] += chord_term(c[0, 0], c[0, 1], c[0, 2], f[0], f[1], f[2], n)
+        _sure_closing(c[0], f, m, n, rounding, out)
     out[0] /= -TWO_PI
     out[1] = out[1] / TWO_PI + _ROUNDING
 

@@ -477,15 +477,19 @@ def test_finite_coaxial_cylinders_outer_to_inner():
     assert found == pytest.approx(expected, abs=1e-6)
 
 
-def test_finite_coaxial_cylinders_outer_to_itself():
-    """Past the inner cylinder, which hides by its silhouettes; estimated, not bracketed to 1e-7."""
+@pytest.mark.parametrize("visibility", ["strict", "auto"])
+@pytest.mark.parametrize("angle", [0.3, 0.0, 0.25 * math.pi])  # inside a patch, on a seam, halfway
+def test_finite_coaxial_cylinders_outer_to_itself(visibility, angle):
+    """Past the inner cylinder, whose silhouettes are straight: they part lit from dark exactly."""
     r1, r2, length = 0.5, 1.2, 1.6
     inner = PatchSet.cylinder((0, 0, 0), (0, 0, length), r1)
     outer = PatchSet.cylinder((0, 0, 0), (0, 0, length), r2, inward=True)
     z, w = gauss(0, length, 12)
-    a, b = math.cos(0.3), math.sin(0.3)  # not on a seam of the patches
+    a, b = math.cos(angle), math.sin(angle)
     points = np.stack([r2 * a + 0 * z, r2 * b + 0 * z, z], axis=1)
-    found = point_form_factors(points, (-a, -b, 0.0), outer, inner, accuracy=1e-3)
+    found = point_form_factors(
+        points, (-a, -b, 0.0), outer, inner, accuracy=1e-7, visibility=visibility
+    )
     r, h = r2 / r1, length / r1
     root = math.sqrt(4 * r * r + h * h) / h
     expected = (
@@ -501,8 +505,11 @@ def test_finite_coaxial_cylinders_outer_to_itself():
             + 0.5 * math.pi * (root - 1)
         )
     )
-    assert found.value.sum(axis=1) @ w / length == pytest.approx(expected, abs=2e-4)
-    assert found.low.sum(axis=1) @ w / length <= expected <= found.high.sum(axis=1) @ w / length
+    # Brackets as asked, each patch 1e-7 of its own factor; the quadrature over z leaves 1e-13.
+    assert found.value.sum(axis=1) @ w / length == pytest.approx(expected, abs=5e-8)
+    low, high = (bound.sum(axis=1) @ w / length for bound in (found.low, found.high))
+    assert low - 1e-12 <= expected <= high + 1e-12
+    assert high - low <= 1e-7
 
 
 def test_cone_sees_itself_from_inside():
