@@ -444,7 +444,9 @@ def _estimated(
     value, left = visible_factors(
         x, n, share, on, sources, surfaces, quadrics, plain.factors, accuracy
     )
-    error = 0.1 * accuracy * plain.factors + ABSOLUTE
+    # Where no part of any contour bounds what is seen, nothing is: that is no quadrature.
+    hidden = (value <= 0.0) & (plain.factors > 0.0)
+    error = np.where(hidden, 0.0, 0.1 * accuracy * plain.factors + ABSOLUTE)
     low, high = np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
     counters = {**plain.counters, "pairs_by_contour": int((~left).sum())}
     rows = np.flatnonzero(left.any(axis=1))

@@ -12,6 +12,10 @@ from .model.bezier import surface_points
 from .model.patches import PatchSet
 
 
+#: Edges closer than this share of a patch's width may be one.
+_NARROW = 0.05
+
+
 def writable(array: np.ndarray, dtype: type = np.float64) -> np.ndarray:
     """A C-contiguous writable copy for kernels.
 
@@ -92,7 +96,8 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
     """Neighbour (n, 4) over each boundary edge within the same solid, −1 where there is none.
 
     Two edges are one when their ends and two inner points agree, in either direction, within
-    ``relative`` of the size of the set. An edge met by more than two patches has no neighbour.
+    ``relative`` of the size of the set, but not when the patch is no wider than that. An edge met by
+    more than two patches has no neighbour.
     """
     n = len(nets)
     out = np.full((n, 4), -1, dtype=np.int64)
@@ -105,6 +110,9 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
         points[:, 1] - points[:, 2], axis=1
     )
     middle = points.mean(axis=1)
+    across = middle.reshape(n, 4, 3)
+    width = np.linalg.norm(across - across[:, [2, 3, 0, 1]], axis=2).ravel()
+    within = np.minimum(tolerance, np.where(width > 0.0, _NARROW * width, tolerance))
     order = np.argsort(middle[:, 0], kind="stable")
     sorted_x = middle[order, 0]
     edges: dict[int, list[int]] = {}
@@ -117,8 +125,8 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
         near = near[(near != k) & (solid[near // 4] == solid[k // 4])]
         if near.size == 0:
             continue
-        same = np.abs(points[near] - points[k]).max(axis=(1, 2)) <= tolerance
-        turned = np.abs(points[near] - points[k][::-1]).max(axis=(1, 2)) <= tolerance
+        same = np.abs(points[near] - points[k]).max(axis=(1, 2)) <= within[k]
+        turned = np.abs(points[near] - points[k][::-1]).max(axis=(1, 2)) <= within[k]
         edges[k] = [int(e) for e in near[same | turned]]
     for k, partners in edges.items():
         if len(partners) == 1:

@@ -73,6 +73,14 @@ def test_neighbours_belong_to_one_solid():
     assert (adjacent[:6] < 6).all() and (adjacent[6:] >= 6).all()
 
 
+@pytest.mark.parametrize("radius", [1e-8, 1e-6, 1e-3])
+def test_opposite_sides_of_a_thin_pole_are_two(radius):
+    """Its sides are closer to each other than the tolerance that a scene of its length allows."""
+    pole = PatchSet.cylinder((-9.0, 0.3, 1.0), (9.0, 0.3, 1.0), radius)
+    adjacent = adjacency(pole.control_points, np.zeros(4, int))
+    assert adjacent.tolist() == [[-1, (k + 1) % 4, -1, (k - 1) % 4] for k in range(4)]
+
+
 def test_sphere_has_no_neighbour_at_its_poles():
     adjacent = adjacency(PatchSet.sphere((0, 0, 0), 1.0).control_points, np.zeros(8, int))
     assert ((adjacent < 0).sum(axis=1) == 1).all()
