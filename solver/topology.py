@@ -11,7 +11,6 @@ from .model.arrays import FloatArray, IntArray
 from .model.bezier import surface_points
 from .model.patches import PatchSet
 
-
 #: Edges closer than this share of a patch's width may be one.
 _NARROW = 0.05
 
@@ -96,8 +95,8 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
     """Neighbour (n, 4) over each boundary edge within the same solid, −1 where there is none.
 
     Two edges are one when their ends and two inner points agree, in either direction, within
-    ``relative`` of the size of the set, but not when the patch is no wider than that. An edge met by
-    more than two patches has no neighbour.
+    ``relative`` of the size of the set, but not when the patch is no wider than that. An edge met
+    by more than two patches has no neighbour.
     """
     n = len(nets)
     out = np.full((n, 4), -1, dtype=np.int64)
