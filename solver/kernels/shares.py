@@ -248,22 +248,26 @@ def share_elements(x, n, own, factors, sources, blockers, lines, found):
             else:
                 dx, dy, dz = spheres[j, 0] - x0, spheres[j, 1] - x1, spheres[j, 2] - x2
                 lx, ly = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
-                k = int(azimuth_turn(lx, ly) * number + 0.5)
-                k = k if k < number else 0
+                place = azimuth_turn(lx, ly) * number
                 rho = math.sqrt(lx * lx + ly * ly)
                 tangent = (n0 * dx + n1 * dy + n2 * dz) / rho if rho > 0.0 else ZENITH
-                m = start[k]
-                while m < start[k + 1] and piece[m, 1] <= tangent:
-                    m += 1
-                share[j], deviation[j] = 1.0, POINT_DEVIATION
-                if m < start[k + 1] and piece[m, 0] < tangent:
-                    f = piece_panel[m]
-                    depth = planes[0, f] * (x0 + dx) + planes[1, f] * (x1 + dy)
-                    depth += planes[2, f] * (x2 + dz) - planes[3, f]
-                    if depth < -1e-6 * spheres[j, 3] and not (
-                        bulging[solid] and solids[f] == solid
-                    ):
-                        share[j] = 0.0
+                margin = -1e-6 * spheres[j, 3]
+                part = 0.0
+                for side in range(2):
+                    k = int(place) + side
+                    k = k if k < number else k - number
+                    m = start[k]
+                    while m < start[k + 1] and piece[m, 1] <= tangent:
+                        m += 1
+                    hidden = False
+                    if m < start[k + 1] and piece[m, 0] < tangent:
+                        f = piece_panel[m]
+                        depth = planes[0, f] * (x0 + dx) + planes[1, f] * (x1 + dy)
+                        depth += planes[2, f] * (x2 + dz) - planes[3, f]
+                        hidden = depth < margin and not (bulging[solid] and solids[f] == solid)
+                    if not hidden:
+                        part += place - int(place) if side == 1 else 1.0 - place + int(place)
+                share[j], deviation[j] = part, POINT_DEVIATION
 
 
 @nb.njit(cache=True, error_model="numpy")
