@@ -240,6 +240,7 @@ def _pack(
             ),
             np.int64,
         ),
+        **_no_sights(len(elements)),
     )
 
 
@@ -285,7 +286,19 @@ def no_facets() -> Facets:
         grid_size=none.reshape(0, 4),
         grid_lines=np.empty((0, 2, 3)),
         grid_element=none,
+        **_no_sights(0),
     )
+
+
+def _no_sights(elements: int) -> dict[str, np.ndarray]:
+    return {
+        "sight_units": np.empty(0, dtype=np.int64),
+        "sight_clusters": np.empty((0, 2), dtype=np.int64),
+        "sight_spheres": np.empty((0, 4)),
+        "sight_start": np.zeros(elements + 1, dtype=np.int64),
+        "sight_points": np.empty((3, 0)),
+        "sight_areas": np.empty((3, 0)),
+    }
 
 
 def meridians(lines: int) -> FloatArray:

@@ -60,6 +60,14 @@ class Facets(NamedTuple):
         x, columns and rows are counted towards (point − x) × direction. [m]
     grid_element : (c,) int array
         Element of each cell.
+    sight_units : (k,) int array
+        Units whose elements are told by lines of sight: they are flat or convex.
+    sight_clusters, sight_spheres : (c, 2) int array, (c, 4) array
+        First and end of the rows of ``sight_units`` of one solid, and a sphere about them. [m]
+    sight_start : (n + 1,) int array
+        First point of each element.
+    sight_points, sight_areas : (3, s) array
+        Points of these elements [m], and normals times the area each stands for. [m²]
     """
 
     panel_points: np.ndarray
@@ -73,6 +81,12 @@ class Facets(NamedTuple):
     grid_size: np.ndarray
     grid_lines: np.ndarray
     grid_element: np.ndarray
+    sight_units: np.ndarray
+    sight_clusters: np.ndarray
+    sight_spheres: np.ndarray
+    sight_start: np.ndarray
+    sight_points: np.ndarray
+    sight_areas: np.ndarray
 
 
 class Lines(NamedTuple):

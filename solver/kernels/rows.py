@@ -38,7 +38,7 @@ class Sources(NamedTuple):
         The same for the whole patch side.
     edge_origin … area_normal
         Gauss nodes on the edges and in the elements, as in `edges.Edges`.
-    panel_points … grid_element
+    panel_points … sight_areas
         Flat pieces of the elements and of what else hides them, as in `meridian.Facets`.
     azimuths : (lines, 2) array
         Cosine and sine of the meridians along which shares are found.
@@ -75,6 +75,12 @@ class Sources(NamedTuple):
     grid_size: np.ndarray
     grid_lines: np.ndarray
     grid_element: np.ndarray
+    sight_units: np.ndarray
+    sight_clusters: np.ndarray
+    sight_spheres: np.ndarray
+    sight_start: np.ndarray
+    sight_points: np.ndarray
+    sight_areas: np.ndarray
     azimuths: np.ndarray
     exact_above: np.ndarray
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from .cuts import ZENITH, azimuth_turn, tangent_frame
 from .meridian import HIDDEN, SHOWN, carried, cut_panels, list_facing, make_lines, sweep
+from .sights import share_bright
 
 #: Chords a meridian is given room for at first.
 ROOM = 40
@@ -40,12 +41,23 @@ class Shares(NamedTuple):
     listed: np.ndarray  # (p,)
     state: np.ndarray  # (p,)
     panel_local: np.ndarray  # (w, 4)
+    views: np.ndarray  # (p, 6) of the listed panels
+    every: np.ndarray  # (p,) 0, 1, 2 …
+    close: np.ndarray  # (p,)
+    near: np.ndarray  # (p,)
+    sight_place: np.ndarray  # (3, k) points of one unit
+    sight_weight: np.ndarray  # (k,)
+    sight_seen: np.ndarray  # (k,)
 
 
 @nb.njit(cache=True, error_model="numpy")
 def make_shares(sources):
     """Arrays for the elements and panels of ``sources``."""
-    n, p = sources.nets.shape[0], sources.panel_corners.shape[0]
+    n, p, k = sources.nets.shape[0], sources.panel_corners.shape[0], 0
+    for m in range(sources.sight_units.shape[0]):
+        g = sources.sight_units[m]
+        first, end = sources.group[g, 0], sources.group[g, 1]
+        k = max(k, sources.sight_start[end] - sources.sight_start[first])
     return Shares(
         np.empty(n),
         np.empty(n),
@@ -58,6 +70,13 @@ def make_shares(sources):
         np.empty(p + 1, dtype=np.int64),
         np.empty(p, dtype=np.int64),
         np.empty((sources.panel_points.shape[1], 4)),
+        np.empty((p, 6)),
+        np.arange(p),
+        np.empty(p + 1, dtype=np.int64),
+        np.empty(p + 1, dtype=np.int64),
+        np.empty((3, k)),
+        np.empty(k),
+        np.empty(k),
     )
 
 
@@ -80,8 +99,9 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
 
     Returns
     -------
-    int
-        Chords for which there must be room; if there is not, nothing is found.
+    chords, count : int
+        Chords for which there must be room; if there is not, nothing is found. Number of panels
+        that are listed.
     """
     tangent_frame(n, turn, found.frame)
     found.covered[:] = 0.0
@@ -100,7 +120,7 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
             lines, sources.panel_element, found.frame, n, tone, found.state, found.visible,
             found.outside,
         )  # fmt: skip
-    return chords
+    return chords, count
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -275,10 +295,15 @@ def find_shares(
     x, n, own, flat, turn, dark, factors, sources, blockers, rounding, tone, lines, found
 ):  # fmt: skip
     """Shares of all elements, with as much room as it takes; returns the meridians."""
-    chords = scan(x, n, flat, turn, dark, sources, rounding, tone, lines, found)
+    chords, count = scan(x, n, flat, turn, dark, sources, rounding, tone, lines, found)
     if chords > lines.panel.shape[0]:
         lines = make_lines(sources.azimuths, 2 * chords)
         scan(x, n, flat, turn, dark, sources, rounding, tone, lines, found)
     share_grids(x, n, sources, lines, found)
     share_elements(x, n, own, factors, sources, blockers, lines, found)
+    if sources.sight_units.shape[0]:
+        share_bright(
+            x, n, flat, dark, factors, sources, blockers, found.listed, count, found.panel_local,
+            found,
+        )  # fmt: skip
     return lines
