@@ -108,7 +108,7 @@ class Budget:
             receivers=total * NODES**2 + sensors,
             nodes=NODES,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
-            lines=int(min(max(3.2 / accuracy, 48), 1024)),
+            lines=int(min(max(5.0 / accuracy, 48), 1024)),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
             sights=int(min(max((3.0 / accuracy) ** (4.0 / 3.0), 64), 4096)),
             exact_above=4.0 * accuracy,

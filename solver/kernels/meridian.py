@@ -214,6 +214,9 @@ def cut_panels(
     for m in range(count):
         f = listed[m]
         c0, c1, c2, c3 = corners[f, 0], corners[f, 1], corners[f, 2], corners[f, 3]
+        k = int(local[c0, 3])
+        if int(local[c1, 3]) == k and int(local[c2, 3]) == k and int(local[c3, 3]) == k:
+            continue  # between two meridians
         top = max(max(local[c0, 2], local[c1, 2]), max(local[c2, 2], local[c3, 2]))
         if top <= rounding:
             continue

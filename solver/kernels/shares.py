@@ -3,7 +3,7 @@
 What the meridians see of the panels is handed on to the elements. Where all chords of a unit, one
 side of one patch, are wholly in sight, its elements are; where none is, none of them is. Only the
 elements of units that are partly hidden are cut themselves. An element that no meridian meets is
-told by one point.
+told by one point and the two meridians next to it.
 """
 
 import math
@@ -227,9 +227,9 @@ def share_grids(x, n, sources, lines, found):
 def share_elements(x, n, own, factors, sources, blockers, lines, found):
     """Visible share and deviation of all elements with an unoccluded factor.
 
-    An element between two meridians is hidden if what the nearest of them sees at the elevation of
-    its middle lies before it. The panel's plane is asked, not its chord: the point is not on the
-    meridian. Panels of the element's own convex solid hide nothing of it.
+    An element that no meridian is known to meet is hidden as far as what the two next to it see at
+    the elevation of its middle lies before it. The panel's plane is asked, not its chord: the point is not on the
+    meridian. Panels of the element's own unit or convex solid hide nothing of it.
 
     Parameters
     ----------
@@ -243,6 +243,7 @@ def share_elements(x, n, own, factors, sources, blockers, lines, found):
     share, deviation, unit = found.share, found.deviation, found.unit
     covered, visible, hits = found.covered, found.visible, found.hits
     group, joined, spheres = sources.group, sources.unit_joined, sources.spheres
+    ranges = sources.unit_ranges
     solids, planes = sources.panel_solid, sources.panel_planes
     solid_of, bulging = blockers.solid, blockers.bulging
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
@@ -255,10 +256,8 @@ def share_elements(x, n, own, factors, sources, blockers, lines, found):
             deviation[j] = 0.0
             if factors[j] <= 0.0:
                 share[j] = 0.0
-            elif seen == SHOWN or j == own:
+            elif j == own:
                 share[j] = 1.0
-            elif seen == HIDDEN:
-                share[j] = 0.0
             elif covered[j] > 0.0:
                 part = visible[j] / covered[j]
                 # What nothing hides adds up to rounding.
@@ -272,7 +271,7 @@ def share_elements(x, n, own, factors, sources, blockers, lines, found):
                 rho = math.sqrt(lx * lx + ly * ly)
                 tangent = (n0 * dx + n1 * dy + n2 * dz) / rho if rho > 0.0 else ZENITH
                 margin = -1e-6 * spheres[j, 3]
-                part = 0.0
+                part, away = 0.0, place - int(place)
                 for side in range(2):
                     k = int(place) + side
                     k = k if k < number else k - number
@@ -284,10 +283,15 @@ def share_elements(x, n, own, factors, sources, blockers, lines, found):
                         f = piece_panel[m]
                         depth = planes[0, f] * (x0 + dx) + planes[1, f] * (x1 + dy)
                         depth += planes[2, f] * (x2 + dz) - planes[3, f]
-                        hidden = depth < margin and not (bulging[solid] and solids[f] == solid)
+                        same = ranges[g, 0] <= f < ranges[g, 1]
+                        same |= bulging[solid] and solids[f] == solid
+                        hidden = depth < margin and not same
                     if not hidden:
-                        part += place - int(place) if side == 1 else 1.0 - place + int(place)
-                share[j], deviation[j] = part, POINT_DEVIATION
+                        part += away if side == 1 else 1.0 - away
+                share[j] = part
+                # Where the unit's chords say the same, the element is taken for met by them.
+                sure = 1.0 if seen == SHOWN else (0.0 if seen == HIDDEN else -1.0)
+                deviation[j] = 0.0 if part == sure else POINT_DEVIATION
 
 
 @nb.njit(cache=True, error_model="numpy")
