@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .errors import NumericsError
 from .kernels.bulk import form_factor_rows
-from .kernels.meridian import Facets
+from .kernels.facets import Facets
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
 from .kernels.threads import count_threads

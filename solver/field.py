@@ -235,9 +235,7 @@ class FieldSolver:
             surfaces.elements, nets, self.blockers.closed, self.blockers.solid
         )
         bright = emitted > BRIGHT * mean
-        facets = with_sights(
-            facets, surfaces.elements, self.blockers.solid, bright, budget.sights
-        )
+        facets = with_sights(facets, surfaces.elements, self.blockers.solid, bright, budget.sights)
         exact_above = np.full(len(emitted), budget.exact_above)
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0

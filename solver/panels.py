@@ -10,8 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
+
+BoolArray = NDArray[np.bool_]
 
 #: Distance from a straight edge or from a plane that counts as none, relative to the panel's size.
 STRAIGHT = 1e-9
@@ -103,7 +106,11 @@ def _grid(
         return None
     points = np.empty((len(at_u) + 1, len(at_v) + 1), dtype=np.int64)
     points[:-1, :-1], points[1:, :-1] = grid[:, :, 0], grid[:, :, 1]
-    points[-1, -1], points[:-1, -1], points[1:, -1] = grid[-1, -1, 2], grid[:, -1, 3], grid[:, -1, 2]
+    points[-1, -1], points[:-1, -1], points[1:, -1] = (
+        grid[-1, -1, 2],
+        grid[:, -1, 3],
+        grid[:, -1, 2],
+    )
     for rows in (points[1:-1], points[:, 1:-1].T):
         first, last = vertices[rows[:, 0]], vertices[rows[:, -1]]
         along = last - first
@@ -116,7 +123,7 @@ def _grid(
 
 def _outlines(
     vertices: FloatArray, corners: IntArray, boxes: FloatArray, group: IntArray
-) -> tuple[IntArray, IntArray]:
+) -> tuple[IntArray, BoolArray]:
     """Corners (g, 4) of groups of facets, and which (g,) of them are flat, straight and convex."""
     count = int(group.max()) + 1
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
@@ -156,9 +163,9 @@ def _outlines(
     return outline, whole
 
 
-def _all(group: IntArray, holds: IntArray, count: int) -> IntArray:
+def _all(group: IntArray, holds: BoolArray, count: int) -> BoolArray:
     """Of which groups (count,) all members hold."""
-    return np.bincount(group, ~holds, count) == 0
+    return np.asarray(np.bincount(group, ~holds, count) == 0)
 
 
 def split_concave(points: FloatArray) -> tuple[IntArray, IntArray]:

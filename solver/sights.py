@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .kernels.meridian import Facets
+from .kernels.facets import Facets
 from .kernels.nets import CONVEX, PLANAR
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import surface_points
@@ -19,7 +20,7 @@ LEAST = 4
 
 
 def with_sights(
-    facets: Facets, elements: Elements, solid: IntArray, bright: IntArray, count: int
+    facets: Facets, elements: Elements, solid: IntArray, bright: NDArray[np.bool_], count: int
 ) -> Facets:
     """The same facets with ``count`` points on the ``bright`` elements of each solid.
 

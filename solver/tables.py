@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from .kernels.edges import Edges
-from .kernels.meridian import Facets
+from .kernels.facets import Facets
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import gauss_rule, surface_points
 from .model.elements import Elements
@@ -210,7 +210,9 @@ def _pack(
     normal[size == 0.0], offset[size == 0.0] = 0.0, np.inf
     used, outline = np.unique(outline, return_inverse=True)
     outline = outline.reshape(-1, 4)
-    start = np.searchsorted(np.append(of, np.full(len(back), len(units))), np.arange(len(units) + 2))
+    start = np.searchsorted(
+        np.append(of, np.full(len(back), len(units))), np.arange(len(units) + 2)
+    )
     ranges = np.zeros((len(units) + 1, 4), dtype=np.int64)
     for g in np.flatnonzero(start[1:] > start[:-1]):
         some = outline[start[g] : start[g + 1]]
@@ -259,7 +261,7 @@ def _directed(
     out = []
     for which, own in enumerate(ends):
         first, last = vertices[own[:, 0]], vertices[own[:, 1]]
-        # Columns follow each other to the right of v, rows to the left of u, about the normal of u x v.
+        # Columns follow each other to the right of v, rows to the left of u, about u × v.
         out.append(np.stack([first, (last - first) * (-side if which else side)], axis=1))
     return out
 

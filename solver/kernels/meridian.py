@@ -12,81 +12,18 @@ element, to go with its exact unoccluded form factor: it is 1 for what nothing h
 number of meridians.
 """
 
-import math
 from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 
-from .contour import GAUSS_NODES, GAUSS_START, GAUSS_WEIGHTS
 from .cuts import ZENITH, cut_polygon, place_points
-from .sky_luminance import sky_luminance
+from .gaps import add_gap
 
 #: What the meridians saw of a panel: nothing of some of its chords, or all of them.
 SHOWN, HIDDEN = 1, 2
 #: Overlap of chords, relative to 1 + τ, that is rounding.
 _TIE = 1e-9
-
-
-class Facets(NamedTuple):
-    """Flat pieces of the elements and of what else hides them, for visible shares only.
-
-    Panels hide; straight lines part those that belong to several elements into cells, u first. A
-    unit is one side of one patch, as `rows.Sources.group`.
-
-    Attributes
-    ----------
-    panel_points : (3, w) array
-        Points of the true surfaces. [m]
-    panel_corners : (p, 4) int array
-        Points of each panel, counter-clockwise about its lit side.
-    panel_planes : (4, p) array
-        Unit normals and their products with the panels' middles.
-    panel_element : (p,) int array
-        Element the panel belongs to, −1 if there are several or none.
-    panel_solid : (p,) int array
-        Solid it belongs to.
-    panel_grid : (p,) int array
-        Row of the panel's grid of cells, −1 where there is none.
-    unit_ranges : (g + 1, 4) int array
-        First and end of the panels and of their points of each unit, and of the backs of one-sided
-        patches, which belong to none.
-    unit_joined : (g,) bool array
-        Whether any of its panels belongs to several elements.
-    grid_size : (k, 4) int array
-        Cells along u and v, and rows of the first line and the first cell.
-    grid_lines : (l, 2, 3) array
-        A point and a direction of every line, those between columns first. Seen from the front at
-        x, columns and rows are counted towards (point − x) × direction. [m]
-    grid_element : (c,) int array
-        Element of each cell.
-    sight_units : (k,) int array
-        Units whose elements are told by lines of sight: they are flat or convex.
-    sight_clusters, sight_spheres : (c, 2) int array, (c, 4) array
-        First and end of the rows of ``sight_units`` of one solid, and a sphere about them. [m]
-    sight_start : (n + 1,) int array
-        First point of each element.
-    sight_points, sight_areas : (3, s) array
-        Points of these elements [m], and normals times the area each stands for. [m²]
-    """
-
-    panel_points: np.ndarray
-    panel_corners: np.ndarray
-    panel_planes: np.ndarray
-    panel_element: np.ndarray
-    panel_solid: np.ndarray
-    panel_grid: np.ndarray
-    unit_ranges: np.ndarray
-    unit_joined: np.ndarray
-    grid_size: np.ndarray
-    grid_lines: np.ndarray
-    grid_element: np.ndarray
-    sight_units: np.ndarray
-    sight_clusters: np.ndarray
-    sight_spheres: np.ndarray
-    sight_start: np.ndarray
-    sight_points: np.ndarray
-    sight_areas: np.ndarray
 
 
 class Lines(NamedTuple):
@@ -275,51 +212,6 @@ def _nearest(span, active, waiting, low, high):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _add_gap(low, high, axis, n, tone, line_out):
-    """Add what is seen of sky and ground from tangent ``low`` to ``high`` of one meridian.
-
-    Parameters
-    ----------
-    axis : (3,) array
-        Direction of the meridian in the receiver's plane.
-    tone : (10,) array
-        7 parameters of `sky_luminance` and the sun's direction.
-    line_out : (3,) array
-        Luminance times form factor of the sky [cd/m²], and the form factors of sky and ground.
-    """
-    start = math.atan(low)
-    end = math.atan(high)
-    # Where the meridian crosses the world's horizon.
-    turn = math.atan2(-axis[2], n[2]) if n[2] > 0.0 else math.atan2(axis[2], -n[2])
-    for piece in range(2):
-        a = start if piece == 0 else max(start, turn)
-        b = min(end, turn) if piece == 0 else end
-        if b <= a:
-            continue
-        share = math.sin(b) ** 2 - math.sin(a) ** 2
-        middle = 0.5 * (a + b)
-        if math.cos(middle) * axis[2] + math.sin(middle) * n[2] < 0.0:
-            line_out[2] += share
-            continue
-        line_out[1] += share
-        parts = 1 + int((b - a) / 0.4)
-        step = (b - a) / parts
-        total = weights = 0.0
-        for m in range(parts):
-            for g in range(GAUSS_START[3], GAUSS_START[4]):
-                angle = a + step * (m + GAUSS_NODES[g])
-                c, s = math.cos(angle), math.sin(angle)
-                weight = GAUSS_WEIGHTS[g] * c * s
-                weights += weight
-                total += weight * sky_luminance(
-                    tone, tone[7], tone[8], tone[9],
-                    c * axis[0] + s * n[0], c * axis[1] + s * n[1], c * axis[2] + s * n[2],
-                )  # fmt: skip
-        if weights > 0.0:
-            line_out[0] += share * total / weights
-
-
-@nb.njit(cache=True, error_model="numpy")
 def _sweep_line(
     first, span, chain, piece, piece_panel, pieces, order, active, axis, n, tone, line_out
 ):  # fmt: skip
@@ -356,7 +248,7 @@ def _sweep_line(
                 waiting = kept
                 found = _nearest(span, active, waiting, at, until)
                 if found < 0:
-                    _add_gap(at, until, axis, n, tone, line_out)
+                    add_gap(at, until, axis, n, tone, line_out)
                     at = until
                     break
                 winner = active[found]

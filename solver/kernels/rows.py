@@ -39,7 +39,7 @@ class Sources(NamedTuple):
     edge_origin … area_normal
         Gauss nodes on the edges and in the elements, as in `edges.Edges`.
     panel_points … sight_areas
-        Flat pieces of the elements and of what else hides them, as in `meridian.Facets`.
+        Flat pieces of the elements and of what else hides them, as in `facets.Facets`.
     azimuths : (lines, 2) array
         Cosine and sine of the meridians along which shares are found.
     exact_above : (n,) array

@@ -228,8 +228,9 @@ def share_elements(x, n, own, factors, sources, blockers, lines, found):
     """Visible share and deviation of all elements with an unoccluded factor.
 
     An element that no meridian is known to meet is hidden as far as what the two next to it see at
-    the elevation of its middle lies before it. The panel's plane is asked, not its chord: the point is not on the
-    meridian. Panels of the element's own unit or convex solid hide nothing of it.
+    the elevation of its middle lies before it. The panel's plane is asked, not its chord: the
+    point is not on the meridian. Panels of the element's own unit or convex solid hide nothing
+    of it.
 
     Parameters
     ----------

@@ -207,7 +207,8 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
                 above = nx * x0 + ny * x1 + nz * x2 - planes[3, f]
                 hide_points(
                     local, corners, f, f0 * nx + f1 * ny + f2 * nz, g0 * nx + g1 * ny + g2 * nz,
-                    n0 * nx + n1 * ny + n2 * nz, above, 1e-6 * sphere[first, 3], place, total, edges, seen,
+                    n0 * nx + n1 * ny + n2 * nz, above, 1e-6 * sphere[first, 3], place, total,
+                    edges, seen,
                 )  # fmt: skip
             for j in range(first, end):
                 if factors[j] <= 0.0:
@@ -221,6 +222,8 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
                 if whole > 0.0:
                     part = visible / whole
                     share[j] = 1.0 if part > 1.0 - 1e-9 else part
-                    deviation[j] = SIGHT_DEVIATION * (high - low) ** SIGHT_ORDER if 0.0 < part < 1.0 else 0.0
+                    deviation[j] = 0.0
+                    if 0.0 < share[j] < 1.0:
+                        deviation[j] = SIGHT_DEVIATION * (high - low) ** SIGHT_ORDER
                 elif not placed:
                     share[j], deviation[j] = 1.0, 0.0
