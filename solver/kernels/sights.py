@@ -87,42 +87,71 @@ def list_meeting(sphere, x, frame, n, views, among, count, near):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def hide_points(local, corners, f, nx, ny, nz, above, margin, points, count, e, seen):
-    """Set ``seen`` to 0 for the points that panel ``f`` hides from the origin.
+def may_hide(local, corners, f, x, y, z, radius, e):
+    """Whether a sphere at (x, y, z) of the receiver's frame reaches into the outline of panel ``f``.
 
-    Parameters
-    ----------
-    local : (v, 4) array
-        Places of the panels' points; x, y and z are asked.
-    nx, ny, nz, above : float
-        The panel's normal in the receiver's frame, and how far the receiver is above its plane.
-    margin : float
-        Distance behind the plane that is rounding. [m]
-    points : (3, k) array
-        The points in the receiver's frame, the first ``count`` of them. [m]
-    e : (4, 3) array
-        Scratch.
-    seen : (k,) array
-        1 for points in sight.
+    Receives into ``e`` (4, 3) the normals of the planes through the receiver and the panel's edges.
     """
     a = corners[f, 3]
     for k in range(4):
         b = corners[f, k]
-        e[k, 0] = local[a, 1] * local[b, 2] - local[a, 2] * local[b, 1]
-        e[k, 1] = local[a, 2] * local[b, 0] - local[a, 0] * local[b, 2]
-        e[k, 2] = local[a, 0] * local[b, 1] - local[a, 1] * local[b, 0]
+        ex = local[a, 1] * local[b, 2] - local[a, 2] * local[b, 1]
+        ey = local[a, 2] * local[b, 0] - local[a, 0] * local[b, 2]
+        ez = local[a, 0] * local[b, 1] - local[a, 1] * local[b, 0]
+        e[k, 0], e[k, 1], e[k, 2] = ex, ey, ez
+        out = ex * x + ey * y + ez * z
+        # Inside a panel seen from its front all are negative.
+        if out > 0.0 and out * out > radius * radius * (ex * ex + ey * ey + ez * ez):
+            return False
         a = b
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def hide_points(e, nx, ny, nz, limit, points, count, seen):
+    """Set ``seen`` to 0 for the points that a panel hides from the origin.
+
+    Parameters
+    ----------
+    e : (4, 3) array
+        From `may_hide`.
+    nx, ny, nz, limit : float
+        The panel's normal in the receiver's frame, and the product with it below which a point is
+        behind its plane.
+    points : (3, k) array
+        The points in the receiver's frame, the first ``count`` of them. [m]
+    seen : (k,) array
+        1 for points in sight.
+    """
     a0, a1, a2, b0, b1, b2 = e[0, 0], e[0, 1], e[0, 2], e[1, 0], e[1, 1], e[1, 2]
     c0, c1, c2, d0, d1, d2 = e[2, 0], e[2, 1], e[2, 2], e[3, 0], e[3, 1], e[3, 2]
-    limit = -above - margin
     px, py, pz = points[0], points[1], points[2]
     for m in range(count):
         x, y, z = px[m], py[m], pz[m]
-        # Inside a panel seen from its front all are negative.
         most = max(a0 * x + a1 * y + a2 * z, b0 * x + b1 * y + b2 * z)
         most = max(most, max(c0 * x + c1 * y + c2 * z, d0 * x + d1 * y + d2 * z))
         hidden = (most <= 0.0) & (nx * x + ny * y + nz * z < limit)
         seen[m] = 0.0 if hidden else seen[m]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def place_sights(x, n, frame, points, areas, begin, total, place, weight, seen):
+    """Points of one unit in the receiver's frame, how much each weighs, and all of them in sight."""
+    x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
+    f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
+    g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
+    for k in range(total):
+        dx = points[0, begin + k] - x0
+        dy = points[1, begin + k] - x1
+        dz = points[2, begin + k] - x2
+        up = n0 * dx + n1 * dy + n2 * dz
+        place[0, k] = f0 * dx + f1 * dy + f2 * dz
+        place[1, k] = g0 * dx + g1 * dy + g2 * dz
+        place[2, k] = up
+        facing = areas[0, begin + k] * dx + areas[1, begin + k] * dy + areas[2, begin + k] * dz
+        square = dx * dx + dy * dy + dz * dz
+        weight[k] = max(up, 0.0) * max(-facing, 0.0) / (square * square)
+        seen[k] = 1.0
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -146,7 +175,7 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
     start, points, areas = sources.sight_start, sources.sight_points, sources.sight_areas
     corners, planes, solids = sources.panel_corners, sources.panel_planes, sources.panel_solid
     elements, ranges, solid_of = sources.panel_element, sources.unit_ranges, blockers.solid
-    bulging, sphere = blockers.bulging, sources.spheres
+    bulging = blockers.bulging
     share, deviation = found.share, found.deviation
     clusters, balls, frame = sources.sight_clusters, sources.sight_spheres, found.frame
     views, every, close, near, place, weight, seen = (
@@ -175,6 +204,9 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
             first, end = group[g, 0], group[g, 1]
             begin, total = start[first], start[end] - start[first]
             solid = solid_of[group[g, 2]]
+            dx, dy, dz = spheres[g, 0] - x0, spheres[g, 1] - x1, spheres[g, 2] - x2
+            radius, cz = spheres[g, 3], n0 * dx + n1 * dy + n2 * dz
+            cx, cy = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
             placed = False
             for m in range(meeting):
                 f = listed[near[m]]
@@ -183,32 +215,18 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
                     continue
                 if elements[f] == own and own >= 0:
                     continue
-                if not placed:
-                    placed = True
-                    for k in range(total):
-                        dx = points[0, begin + k] - x0
-                        dy = points[1, begin + k] - x1
-                        dz = points[2, begin + k] - x2
-                        up = n0 * dx + n1 * dy + n2 * dz
-                        place[0, k], place[1, k] = (
-                            f0 * dx + f1 * dy + f2 * dz,
-                            g0 * dx + g1 * dy + g2 * dz,
-                        )
-                        place[2, k] = up
-                        facing = -(
-                            areas[0, begin + k] * dx
-                            + areas[1, begin + k] * dy
-                            + areas[2, begin + k] * dz
-                        )
-                        square = dx * dx + dy * dy + dz * dz
-                        weight[k] = max(up, 0.0) * max(facing, 0.0) / (square * square)
-                        seen[k] = 1.0
                 nx, ny, nz = planes[0, f], planes[1, f], planes[2, f]
                 above = nx * x0 + ny * x1 + nz * x2 - planes[3, f]
+                if nx * dx + ny * dy + nz * dz + above >= radius:
+                    continue  # all of the unit lies before the panel's plane
+                if not may_hide(local, corners, f, cx, cy, cz, radius, edges):
+                    continue
+                if not placed:
+                    placed = True
+                    place_sights(x, n, frame, points, areas, begin, total, place, weight, seen)
                 hide_points(
-                    local, corners, f, f0 * nx + f1 * ny + f2 * nz, g0 * nx + g1 * ny + g2 * nz,
-                    n0 * nx + n1 * ny + n2 * nz, above, 1e-6 * sphere[first, 3], place, total,
-                    edges, seen,
+                    edges, f0 * nx + f1 * ny + f2 * nz, g0 * nx + g1 * ny + g2 * nz,
+                    n0 * nx + n1 * ny + n2 * nz, -above - 1e-6 * radius, place, total, seen,
                 )  # fmt: skip
             for j in range(first, end):
                 if factors[j] <= 0.0:
