@@ -41,10 +41,11 @@ class Shares(NamedTuple):
     listed: np.ndarray  # (p,)
     state: np.ndarray  # (p,)
     panel_local: np.ndarray  # (w, 4)
-    views: np.ndarray  # (p, 6) of the listed panels
-    every: np.ndarray  # (p,) 0, 1, 2 …
-    close: np.ndarray  # (p,)
-    near: np.ndarray  # (p,)
+    views: np.ndarray  # (g + p, 6) as `sights.view_blockers`
+    blocking: np.ndarray  # (g + p, 2)
+    every: np.ndarray  # (g + p,) 0, 1, 2 …
+    close: np.ndarray  # (g + p + 1,)
+    near: np.ndarray  # (g + p + 1,)
     sight_place: np.ndarray  # (3, k) points of one unit
     sight_weight: np.ndarray  # (k,)
     sight_seen: np.ndarray  # (k,)
@@ -54,6 +55,7 @@ class Shares(NamedTuple):
 def make_shares(sources):
     """Arrays for the elements and panels of ``sources``."""
     n, p, k = sources.nets.shape[0], sources.panel_corners.shape[0], 0
+    views = sources.group.shape[0] + p
     for m in range(sources.sight_units.shape[0]):
         g = sources.sight_units[m]
         first, end = sources.group[g, 0], sources.group[g, 1]
@@ -70,10 +72,11 @@ def make_shares(sources):
         np.empty(p + 1, dtype=np.int64),
         np.empty(p, dtype=np.int64),
         np.empty((sources.panel_points.shape[1], 4)),
-        np.empty((p, 6)),
-        np.arange(p),
-        np.empty(p + 1, dtype=np.int64),
-        np.empty(p + 1, dtype=np.int64),
+        np.empty((views, 6)),
+        np.empty((views, 2), dtype=np.int64),
+        np.arange(views),
+        np.empty(views + 1, dtype=np.int64),
+        np.empty(views + 1, dtype=np.int64),
         np.empty((3, k)),
         np.empty(k),
         np.empty(k),
@@ -308,7 +311,7 @@ def find_shares(
     share_elements(x, n, own, factors, sources, blockers, lines, found)
     if sources.sight_units.shape[0]:
         share_bright(
-            x, n, flat, dark, factors, sources, blockers, found.listed, count, found.panel_local,
-            found,
+            x, n, flat, dark, factors, sources, blockers, rounding, found.listed, count,
+            found.panel_local, found,
         )  # fmt: skip
     return lines

@@ -17,34 +17,70 @@ SIGHT_DEVIATION, SIGHT_ORDER = 0.35, -0.6
 
 
 @nb.njit(cache=True, error_model="numpy")
-def view_panels(local, corners, listed, count, views):
-    """View cones of the listed panels, into ``views`` (p, 6); returns of how many.
+def _view(x, y, z, radius, views, row):
+    """View cone of a sphere in the receiver's frame, into a row of ``views``."""
+    distance = math.sqrt(x * x + y * y + z * z)
+    inverse = 1.0 / max(distance, 1e-300)
+    sine = radius * inverse if distance > radius else 2.0
+    views[row, 0], views[row, 1], views[row, 2] = x * inverse, y * inverse, z * inverse
+    views[row, 3], views[row, 4] = sine, math.sqrt(max(1.0 - sine * sine, 0.0))
+    views[row, 5] = distance - radius
 
-    Direction (3) in the receiver's frame, sine and cosine of the half-angle, nearest distance.
-    Panels below the horizon are taken off the list.
+
+@nb.njit(cache=True, error_model="numpy")
+def view_blockers(
+    x, n, frame, spheres, dark, ranges, listed, count, local, corners, views, panels
+):  # fmt: skip
+    """View cones of all units that are not dark, and of the backs of one-sided patches.
+
+    Parameters
+    ----------
+    spheres : (g, 4) array
+        About the units.
+    ranges : (g + 1, 4) int array
+        `facets.Facets.unit_ranges`.
+    listed, count, local, corners
+        Panels that turn their front to ``x``, their points and which of them each has.
+    views : (g + p, 6) array
+        Receives direction (3) in the receiver's frame, sine and cosine of the half-angle, and
+        nearest distance.
+    panels : (g + p, 2) int array
+        Receives first and end of the panels of each.
+
+    Returns
+    -------
+    int
+        How many there are.
     """
-    kept = 0
-    for m in range(count):
+    kept, units = 0, dark.shape[0]
+    for g in range(units):
+        if dark[g]:
+            continue
+        dx, dy, dz = spheres[g, 0] - x[0], spheres[g, 1] - x[1], spheres[g, 2] - x[2]
+        _view(
+            frame[0, 0] * dx + frame[0, 1] * dy + frame[0, 2] * dz,
+            frame[1, 0] * dx + frame[1, 1] * dy + frame[1, 2] * dz,
+            n[0] * dx + n[1] * dy + n[2] * dz,
+            spheres[g, 3], views, kept,
+        )  # fmt: skip
+        panels[kept, 0], panels[kept, 1] = ranges[g, 0], ranges[g, 1]
+        kept += 1
+    m = count - 1
+    while m >= 0 and listed[m] >= ranges[units, 0]:
         f = listed[m]
         c0, c1, c2, c3 = corners[f, 0], corners[f, 1], corners[f, 2], corners[f, 3]
-        if max(max(local[c0, 2], local[c1, 2]), max(local[c2, 2], local[c3, 2])) <= 0.0:
-            continue
-        x = 0.25 * (local[c0, 0] + local[c1, 0] + local[c2, 0] + local[c3, 0])
-        y = 0.25 * (local[c0, 1] + local[c1, 1] + local[c2, 1] + local[c3, 1])
-        z = 0.25 * (local[c0, 2] + local[c1, 2] + local[c2, 2] + local[c3, 2])
+        mx = 0.25 * (local[c0, 0] + local[c1, 0] + local[c2, 0] + local[c3, 0])
+        my = 0.25 * (local[c0, 1] + local[c1, 1] + local[c2, 1] + local[c3, 1])
+        mz = 0.25 * (local[c0, 2] + local[c1, 2] + local[c2, 2] + local[c3, 2])
         square = 0.0
         for e in range(4):
             c = corners[f, e]
-            dx, dy, dz = local[c, 0] - x, local[c, 1] - y, local[c, 2] - z
+            dx, dy, dz = local[c, 0] - mx, local[c, 1] - my, local[c, 2] - mz
             square = max(square, dx * dx + dy * dy + dz * dz)
-        distance, radius = math.sqrt(x * x + y * y + z * z), math.sqrt(square)
-        listed[kept] = f
-        inverse = 1.0 / max(distance, 1e-300)
-        sine = radius * inverse if distance > radius else 2.0
-        views[kept, 0], views[kept, 1], views[kept, 2] = x * inverse, y * inverse, z * inverse
-        views[kept, 3], views[kept, 4] = sine, math.sqrt(max(1.0 - sine * sine, 0.0))
-        views[kept, 5] = distance - radius
+        _view(mx, my, mz, math.sqrt(square), views, kept)
+        panels[kept, 0], panels[kept, 1] = f, f + 1
         kept += 1
+        m -= 1
     return kept
 
 
@@ -58,11 +94,11 @@ def list_meeting(sphere, x, frame, n, views, among, count, near):
         Middle and radius. [m]
     x, frame, n
         Point, frame and normal of the receiver.
-    views : (p, 6) array
-        From `view_panels`.
-    among : (p,) int array
+    views : (k, 6) array
+        From `view_blockers`.
+    among : (k,) int array
         Rows of ``views``, the first ``count`` of them.
-    near : (p,) int array
+    near : (k,) int array
         Receives those found; their number is returned. It may be ``among`` itself.
     """
     dx, dy, dz = sphere[0] - x[0], sphere[1] - x[1], sphere[2] - x[2]
@@ -88,7 +124,7 @@ def list_meeting(sphere, x, frame, n, views, among, count, near):
 
 @nb.njit(cache=True, error_model="numpy")
 def may_hide(local, corners, f, x, y, z, radius, e):
-    """Whether a sphere at (x, y, z) of the receiver's frame reaches into the outline of panel ``f``.
+    """Whether a sphere at (x, y, z) of the receiver's frame reaches into panel ``f``'s outline.
 
     Receives into ``e`` (4, 3) the normals of the planes through the receiver and the panel's edges.
     """
@@ -136,7 +172,7 @@ def hide_points(e, nx, ny, nz, limit, points, count, seen):
 
 @nb.njit(cache=True, error_model="numpy")
 def place_sights(x, n, frame, points, areas, begin, total, place, weight, seen):
-    """Points of one unit in the receiver's frame, how much each weighs, and all of them in sight."""
+    """Points of one unit in the receiver's frame, what each weighs, and all of them in sight."""
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
     f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
@@ -155,7 +191,9 @@ def place_sights(x, n, frame, points, areas, begin, total, place, weight, seen):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, local, found):
+def share_bright(
+    x, n, own, dark, factors, sources, blockers, rounding, listed, count, local, found
+):  # fmt: skip
     """Visible shares and deviations of the elements that have points.
 
     Parameters
@@ -166,6 +204,8 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
         Units of which nothing is seen.
     factors : (n,) array
         Unoccluded form factors.
+    rounding : float
+        `contour.horizon_tolerance` of the receiver. [m]
     listed, count, local
         Panels that turn their front to ``x`` and their points, from `meridian.list_facing`.
     found : shares.Shares
@@ -178,8 +218,9 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
     bulging = blockers.bulging
     share, deviation = found.share, found.deviation
     clusters, balls, frame = sources.sight_clusters, sources.sight_spheres, found.frame
-    views, every, close, near, place, weight, seen = (
+    views, blocking, every, close, near, place, weight, seen = (
         found.views,
+        found.blocking,
         found.every,
         found.close,
         found.near,
@@ -191,7 +232,9 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
     f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
-    count = view_panels(local, corners, listed, count, views)
+    count = view_blockers(
+        x, n, frame, spheres, dark, ranges, listed, count, local, corners, views, blocking
+    )
     for c in range(clusters.shape[0]):
         around = -1
         for u in range(clusters[c, 0], clusters[c, 1]):
@@ -209,25 +252,25 @@ def share_bright(x, n, own, dark, factors, sources, blockers, listed, count, loc
             cx, cy = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
             placed = False
             for m in range(meeting):
-                f = listed[near[m]]
-                # What is convex does not hide itself.
-                if ranges[g, 0] <= f < ranges[g, 1] or (bulging[solid] and solids[f] == solid):
-                    continue
-                if elements[f] == own and own >= 0:
-                    continue
-                nx, ny, nz = planes[0, f], planes[1, f], planes[2, f]
-                above = nx * x0 + ny * x1 + nz * x2 - planes[3, f]
-                if nx * dx + ny * dy + nz * dz + above >= radius:
-                    continue  # all of the unit lies before the panel's plane
-                if not may_hide(local, corners, f, cx, cy, cz, radius, edges):
-                    continue
-                if not placed:
-                    placed = True
-                    place_sights(x, n, frame, points, areas, begin, total, place, weight, seen)
-                hide_points(
-                    edges, f0 * nx + f1 * ny + f2 * nz, g0 * nx + g1 * ny + g2 * nz,
-                    n0 * nx + n1 * ny + n2 * nz, -above - 1e-6 * radius, place, total, seen,
-                )  # fmt: skip
+                for f in range(blocking[near[m], 0], blocking[near[m], 1]):
+                    # What is convex does not hide itself.
+                    if ranges[g, 0] <= f < ranges[g, 1] or (bulging[solid] and solids[f] == solid):
+                        break
+                    if elements[f] == own and own >= 0:
+                        continue
+                    nx, ny, nz = planes[0, f], planes[1, f], planes[2, f]
+                    above = nx * x0 + ny * x1 + nz * x2 - planes[3, f]
+                    if above <= rounding or nx * dx + ny * dy + nz * dz + above >= radius:
+                        continue  # turned away, or all of the unit lies before its plane
+                    if not may_hide(local, corners, f, cx, cy, cz, radius, edges):
+                        continue
+                    if not placed:
+                        placed = True
+                        place_sights(x, n, frame, points, areas, begin, total, place, weight, seen)
+                    hide_points(
+                        edges, f0 * nx + f1 * ny + f2 * nz, g0 * nx + g1 * ny + g2 * nz,
+                        n0 * nx + n1 * ny + n2 * nz, -above - 1e-6 * radius, place, total, seen,
+                    )  # fmt: skip
             for j in range(first, end):
                 if factors[j] <= 0.0:
                     continue

@@ -154,9 +154,8 @@ def test_both_neighbours_of_an_edge_find_the_same_crossings():
     at_below, at_above = below[:, 1].reshape(3, -1), above[:, 0].reshape(3, -1)
     met = np.isfinite(at_below).any(axis=0)
     assert met.sum() > 20 and (met == np.isfinite(at_above).any(axis=0)).all()
-    np.testing.assert_array_equal(
-        np.nanmax(at_below, axis=0)[met], np.nanmax(at_above, axis=0)[met]
-    )
+    ends = (np.nanmax(side[:, met], axis=0) for side in (at_below, at_above))
+    np.testing.assert_array_equal(*ends)
 
 
 def test_a_room_of_joined_panels_is_closed():
