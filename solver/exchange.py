@@ -23,7 +23,7 @@ from .tables import make_edges, meridians, near_ratio, no_facets
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call: short enough to report progress and to obey Ctrl-C.
-ROWS_PER_BLOCK = 128
+ROWS_PER_BLOCK = 256
 #: Rows of variances converted at a time, which then stay in the processor's cache.
 CONVERTED_ROWS = 16
 #: How often a partly hidden element is quartered at most.
