@@ -2,9 +2,9 @@
 
 From each node all elements are done in three steps: the exact unoccluded factors (`edges` for
 distant elements, `patch_factor` for the others), the visible share of each along meridian planes
-(`meridian`), and pyramid tracing (`rows`) for the pairs whose unoccluded factor is large. Which
-pairs are traced depends on the unoccluded factor alone: to choose by what the meridians found
-would lose what they missed.
+(`meridian`, `shares`) or by lines of sight (`sights`, for bright elements), and pyramid tracing
+(`rows`) for the pairs whose unoccluded factor is large. Which pairs are traced depends on the
+unoccluded factor alone: to choose by what the meridians found would lose what they missed.
 
 One thread owns one row, so the result has the same bits for any number of threads.
 """
