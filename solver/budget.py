@@ -37,6 +37,8 @@ class Budget:
         Relative accuracy of unoccluded form factors.
     lines, sensor_lines : int
         Meridians about each node and each sensor.
+    sights : int
+        Points on the bright elements of each solid.
     exact_above : float
         Unoccluded form factor above which a pair is traced by pyramids.
     cell_eps, lamp_cell_eps : float
@@ -56,6 +58,7 @@ class Budget:
     eps: float
     lines: int
     sensor_lines: int
+    sights: int
     exact_above: float
     cell_eps: float
     lamp_cell_eps: float
@@ -105,9 +108,10 @@ class Budget:
             receivers=total * NODES**2 + sensors,
             nodes=NODES,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
-            lines=int(min(max(3.2 / accuracy, 48), 1024)),
+            lines=int(min(max(5.0 / accuracy, 48), 1024)),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
-            exact_above=accuracy,
+            sights=int(min(max((3.0 / accuracy) ** (4.0 / 3.0), 64), 4096)),
+            exact_above=4.0 * accuracy,
             cell_eps=0.1 * accuracy,
             lamp_cell_eps=1e-2 * accuracy,
             sensor_dome_cell_eps=2e-3 * accuracy,
@@ -124,6 +128,7 @@ class Budget:
             "form_factor_accuracy": self.eps,
             "meridians": self.lines,
             "sensor_meridians": self.sensor_lines,
+            "lines_of_sight": self.sights,
             "traced_form_factor": self.exact_above,
             "cell_form_factor": self.cell_eps,
             "lamp_cell_form_factor": self.lamp_cell_eps,

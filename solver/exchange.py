@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from .errors import NumericsError
 from .kernels.bulk import form_factor_rows
-from .kernels.meridian import Facets
+from .kernels.facets import Facets
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
+from .kernels.threads import count_threads
 from .memory import check_matrix
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
@@ -23,7 +24,7 @@ from .tables import make_edges, meridians, near_ratio, no_facets
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.
-ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 64, 16384
+ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 256, 16384
 #: Rows of variances converted at a time, which then stay in the processor's cache.
 CONVERTED_ROWS = 16
 #: How often a partly hidden element is quartered at most.
@@ -213,6 +214,7 @@ def form_factor_matrix(
             trace,
             levels,
             tone,
+            count_threads(),
             factors[rows],
             variances[rows],
             outside[rows],

@@ -21,6 +21,7 @@ from .model.sky import CIESky
 from .model.views import Sensors
 from .radiosity import solve_radiosity
 from .row_finder import FINE_SHARE, Ask, RowFinder
+from .sights import with_sights
 from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
@@ -33,6 +34,10 @@ from .topology import is_single
 CONTACT = 1e-5
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
+#: The same for the form factors above which pairs are traced.
+SENSOR_EXACT = 0.025
+#: Exitance of elements told by lines of sight, against the mean of all surfaces.
+BRIGHT = 4.0
 #: Elements smaller than this share of the aimed size get a single node.
 SMALL = 0.2
 
@@ -164,7 +169,7 @@ class FieldSolver:
         sources = field.sources
         fine = sources._replace(
             cell_eps=sources.cell_eps * SENSOR_SHARE,
-            exact_above=sources.exact_above * SENSOR_SHARE,
+            exact_above=sources.cell_eps * (SENSOR_EXACT * budget.exact_above / budget.cell_eps),
             azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
         )
         with self.stages.run("sensors") as tell:
@@ -229,8 +234,12 @@ class FieldSolver:
         facets, lifts = make_facets(
             surfaces.elements, nets, self.blockers.closed, self.blockers.solid
         )
+        bright = emitted > BRIGHT * mean
+        facets = with_sights(facets, surfaces.elements, self.blockers.solid, bright, budget.sights)
+        exact_above = np.full(len(emitted), budget.exact_above)
         # As much light as an element of mean brightness sends at the threshold.
-        exact_above = budget.exact_above * cell_eps / budget.cell_eps
+        told = np.diff(facets.sight_start) > 0
+        exact_above[~told] *= cell_eps[~told] / budget.cell_eps
         scan = Scan(facets, budget.lines, exact_above)
         return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
 

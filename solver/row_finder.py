@@ -55,7 +55,6 @@ class Ask:
         """The rows ``found`` with more meridians and more pairs traced."""
         sources = self.sources._replace(
             azimuths=meridians(factor * len(self.sources.azimuths)),
-            exact_above=self.sources.exact_above / factor,
             cell_eps=self.sources.cell_eps / factor,
         )
         lifts = None if self.lifts is None else self.lifts[found]

@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from .kernels.edges import Edges
-from .kernels.meridian import Facets
+from .kernels.facets import Facets
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import gauss_rule, surface_points
 from .model.elements import Elements
+from .panels import make_panels, split_concave
 from .topology import writable
 
 #: Gauss nodes on an edge, and along u and v inside an element.
@@ -128,33 +129,12 @@ def make_facets(
 ) -> tuple[Facets, FloatArray]:
     """Facets of all elements, and how far (n,) they leave their element. [m]
 
-    Patches that are neither closed nor lit from both sides hide with their backs too: these facets
+    Patches that are neither closed nor lit from both sides hide with their backs too: these panels
     belong to no element.
     """
-    n = len(elements)
-    counts = facet_counts(elements.nets)
-    corners_u, corners_v, owner, turned = [], [], [], []
-    lit_behind = np.zeros(len(patch_nets), dtype=bool)
-    lit_behind[elements.patch_index[elements.side == 1]] = True
-    back_hides = ~(closed | lit_behind)[elements.patch_index]
-    for nu, nv in np.unique(counts, axis=0):
-        rows = np.flatnonzero((counts == (nu, nv)).all(axis=1))
-        a, b = (g.ravel() for g in np.meshgrid(np.arange(nu), np.arange(nv), indexing="ij"))
-        ends = []
-        for low, high, k, m in ((0, 1, a, nu), (2, 3, b, nv)):
-            first, last = elements.boxes[rows, low, None], elements.boxes[rows, high, None]
-            # The last cut is the edge itself, so that neighbours share it to the bit.
-            ends.append(
-                [np.where(k + s == m, last, first + (last - first) * (k + s) / m) for s in (0, 1)]
-            )
-        (ua, ub), (va, vb) = ends
-        corners_u.append(np.stack([ua, ub, ub, ua], axis=2).reshape(-1, 4))
-        corners_v.append(np.stack([va, va, vb, vb], axis=2).reshape(-1, 4))
-        owner.append(np.repeat(rows, len(a)))
-        turned.append(np.repeat(elements.side[rows] == 1, len(a)))
-    u, v = np.concatenate(corners_u), np.concatenate(corners_v)
-    element, flip = np.concatenate(owner), np.concatenate(turned)
+    element, boxes = _facet_boxes(elements)
     patch = elements.patch_index[element]
+    u, v = boxes[:, [0, 1, 1, 0]], boxes[:, [2, 2, 3, 3]]
     keys = np.stack([np.repeat(patch, 4).astype(np.float64), u.ravel(), v.ravel()], axis=1)
     unique, inverse = np.unique(keys, axis=0, return_inverse=True)
     vertices = surface_points(
@@ -164,30 +144,126 @@ def make_facets(
     middle = surface_points(
         patch_nets[patch], u.mean(axis=1, keepdims=True), v.mean(axis=1, keepdims=True)
     )[0][:, 0]
-    corners[flip] = corners[flip][:, ::-1]
-    points = vertices[corners]
-    normal, size = _facet_normals(points)
+    normal, size = _facet_normals(vertices[corners])
     # Across the facet only: along it the parameters may run unevenly.
-    sagitta = np.abs(np.einsum("fk,fk->f", normal, points.mean(axis=1) - middle))
-    lift = np.zeros(n)
+    off = vertices[corners].mean(axis=1) - middle
+    sagitta = np.abs(np.einsum("fk,fk->f", normal, off))
+    lift = np.zeros(len(elements))
     np.maximum.at(lift, element, np.where(sagitta > 1e-9 * np.sqrt(size), sagitta, 0.0))
-    back = np.flatnonzero(back_hides[element])
-    corners = np.concatenate([corners, corners[back][:, ::-1]])
-    owners = np.concatenate([element, np.full(len(back), -1)])
-    solids = solid[np.concatenate([patch, patch[back]])]
-    points = vertices[corners]
+    halves, pivot = split_concave(vertices[corners])
+    if len(halves):
+        rows = halves[:, None]
+        second = corners[rows, (pivot[:, None] + [0, 2, 3, 3]) % 4]
+        corners[halves] = corners[rows, (pivot[:, None] + [0, 1, 2, 2]) % 4]
+        corners = np.concatenate([corners, second])
+        element, boxes = (np.concatenate([a, a[halves]]) for a in (element, boxes))
+        order = np.argsort(element, kind="stable")
+        corners, element, boxes = corners[order], element[order], boxes[order]
+    return _pack(elements, vertices, corners, element, boxes, closed, solid), lift
+
+
+def _facet_boxes(elements: Elements) -> tuple[IntArray, FloatArray]:
+    """Element (f,) and parameters (f, 4) u0, u1, v0, v1 of every facet, sorted by element."""
+    counts = facet_counts(elements.nets)
+    boxes, owner = [], []
+    for nu, nv in np.unique(counts, axis=0):
+        rows = np.flatnonzero((counts == (nu, nv)).all(axis=1))
+        a, b = (g.ravel() for g in np.meshgrid(np.arange(nu), np.arange(nv), indexing="ij"))
+        ends = []
+        for low, high, k, m in ((0, 1, a, nu), (2, 3, b, nv)):
+            first, last = elements.boxes[rows, low, None], elements.boxes[rows, high, None]
+            # The last cut is the edge itself, so that neighbours share it to the bit.
+            ends += [
+                np.where(k + s == m, last, first + (last - first) * (k + s) / m) for s in (0, 1)
+            ]
+        boxes.append(np.stack(ends, axis=2).reshape(-1, 4))
+        owner.append(np.repeat(rows, len(a)))
+    element = np.concatenate(owner)
+    order = np.argsort(element, kind="stable")
+    return element[order], np.concatenate(boxes)[order]
+
+
+def _pack(
+    elements: Elements,
+    vertices: FloatArray,
+    corners: IntArray,
+    element: IntArray,
+    boxes: FloatArray,
+    closed: IntArray,
+    solid: IntArray,
+) -> Facets:
+    """Panels over the facets, their backs where those hide, and the grids of joined panels."""
+    key = elements.patch_index * 2 + elements.side
+    units = np.unique(key)
+    unit = np.searchsorted(units, key[element])
+    found = make_panels(vertices, corners, boxes, unit)
+    of = unit[found.facet]
+    patch, turned = units[of] // 2, units[of] % 2 == 1
+    back = np.flatnonzero(~(closed[patch] | np.isin(2 * patch + 1, units)))
+    outline = np.where(turned[:, None], found.corners[:, ::-1], found.corners)
+    outline = np.concatenate([outline, outline[back][:, ::-1]])
+    owner = np.where(found.grid < 0, element[found.facet], -1)
+    points = vertices[outline]
     normal, size = _facet_normals(points)
-    good = size > 0.0
-    normal = normal[good]
-    offset = np.einsum("fk,fk->f", normal, points[good].mean(axis=1))
-    facets = Facets(
-        facet_vertices=writable(vertices),
-        facet_corners=writable(corners[good], np.int64),
-        facet_planes=writable(np.concatenate([normal, offset[:, None]], axis=1)),
-        facet_element=writable(owners[good], np.int64),
-        facet_solid=writable(solids[good], np.int64),
+    offset = np.einsum("fk,fk->f", normal, points.mean(axis=1))
+    # What has no area is met by nothing: its plane is turned away from everywhere.
+    normal[size == 0.0], offset[size == 0.0] = 0.0, np.inf
+    used, outline = np.unique(outline, return_inverse=True)
+    outline = outline.reshape(-1, 4)
+    start = np.searchsorted(
+        np.append(of, np.full(len(back), len(units))), np.arange(len(units) + 2)
     )
-    return facets, lift
+    ranges = np.zeros((len(units) + 1, 4), dtype=np.int64)
+    for g in np.flatnonzero(start[1:] > start[:-1]):
+        some = outline[start[g] : start[g + 1]]
+        ranges[g] = start[g], start[g + 1], some.min(), some.max() + 1
+    lines, sizes, rows, count = [], [], 0, 0
+    for row in np.flatnonzero(found.grid >= 0):
+        g = found.grid[row]
+        sizes.append([*found.cells[g].shape, rows, count])
+        lines += _directed(vertices, found.lines[g], -1.0 if turned[row] else 1.0)
+        rows, count = rows + sum(map(len, found.lines[g])), count + found.cells[g].size
+    no_backs = np.full(len(back), -1)
+    return Facets(
+        panel_points=writable(vertices[used].T),
+        panel_corners=writable(outline, np.int64),
+        panel_planes=writable(np.concatenate([normal, offset[:, None]], axis=1).T),
+        panel_element=writable(np.append(owner, no_backs), np.int64),
+        panel_solid=writable(solid[np.append(patch, patch[back])], np.int64),
+        panel_grid=writable(np.append(_numbered(found.grid), no_backs), np.int64),
+        unit_ranges=ranges,
+        unit_joined=np.bincount(of, found.grid >= 0, len(units)) > 0,
+        grid_size=writable(np.reshape(sizes, (-1, 4)), np.int64),
+        grid_lines=writable(np.concatenate([np.empty((0, 2, 3)), *lines])),
+        grid_element=writable(
+            np.concatenate(
+                [np.empty(0, np.int64)]
+                + [element[found.cells[g]].ravel() for g in found.grid[found.grid >= 0]]
+            ),
+            np.int64,
+        ),
+        **_no_sights(len(elements)),
+    )
+
+
+def _numbered(grid: IntArray) -> IntArray:
+    """Rows in the order they come, −1 where there is none."""
+    return np.where(grid >= 0, np.cumsum(grid >= 0) - 1, -1)
+
+
+def _directed(
+    vertices: FloatArray, ends: tuple[IntArray, IntArray], side: float
+) -> list[FloatArray]:
+    """A point and a direction (l, 2, 3) of the lines along v and those along u of one grid.
+
+    Seen from the front, what follows in the grid is where (point − x) × direction points to.
+    """
+    out = []
+    for which, own in enumerate(ends):
+        first, last = vertices[own[:, 0]], vertices[own[:, 1]]
+        # Columns follow each other to the right of v, rows to the left of u, about u × v.
+        out.append(np.stack([first, (last - first) * (-side if which else side)], axis=1))
+    return out
 
 
 def _facet_normals(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -199,13 +275,32 @@ def _facet_normals(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def no_facets() -> Facets:
     """Facets of nothing, for sources whose pairs are all traced."""
+    none = np.empty(0, dtype=np.int64)
     return Facets(
-        facet_vertices=np.empty((0, 3)),
-        facet_corners=np.empty((0, 4), dtype=np.int64),
-        facet_planes=np.empty((0, 4)),
-        facet_element=np.empty(0, dtype=np.int64),
-        facet_solid=np.empty(0, dtype=np.int64),
+        panel_points=np.empty((3, 0)),
+        panel_corners=none.reshape(0, 4),
+        panel_planes=np.empty((4, 0)),
+        panel_element=none,
+        panel_solid=none,
+        panel_grid=none,
+        unit_ranges=none.reshape(0, 4),
+        unit_joined=none.astype(bool),
+        grid_size=none.reshape(0, 4),
+        grid_lines=np.empty((0, 2, 3)),
+        grid_element=none,
+        **_no_sights(0),
     )
+
+
+def _no_sights(elements: int) -> dict[str, np.ndarray]:
+    return {
+        "sight_units": np.empty(0, dtype=np.int64),
+        "sight_clusters": np.empty((0, 2), dtype=np.int64),
+        "sight_spheres": np.empty((0, 4)),
+        "sight_start": np.zeros(elements + 1, dtype=np.int64),
+        "sight_points": np.empty((3, 0)),
+        "sight_areas": np.empty((3, 0)),
+    }
 
 
 def meridians(lines: int) -> FloatArray:

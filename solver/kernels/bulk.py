@@ -2,9 +2,9 @@
 
 From each node all elements are done in three steps: the exact unoccluded factors (`edges` for
 distant elements, `patch_factor` for the others), the visible share of each along meridian planes
-(`meridian`), and pyramid tracing (`rows`) for the pairs whose unoccluded factor is large. Which
-pairs are traced depends on the unoccluded factor alone: to choose by what the meridians found
-would lose what they missed.
+(`meridian`, `shares`) or by lines of sight (`sights`, for bright elements), and pyramid tracing
+(`rows`) for the pairs whose unoccluded factor is large. Which pairs are traced depends on the
+unoccluded factor alone: to choose by what the meridians found would lose what they missed.
 
 One thread owns one row, so the result has the same bits for any number of threads.
 """
@@ -15,64 +15,102 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .edges import NEAR, edge_integrals, far_factors
-from .meridian import cut_facets, is_hidden, make_spans, sweep, tangent_frame
+from .edges import NEAR, edge_integrals, far_factors, find_dark
+from .meridian import make_lines
 from .nets import CONCAVE, CONVEX, PLANAR
 from .patch_factor import patch_factor
 from .pyramid import make_scratch
 from .rows import DARK_PAIRS, SCANNED, UNOCCLUDED, how_to_see, trace_row
+from .shares import ROOM, find_shares, make_shares
 
-#: Spans a meridian is given room for at first.
-_SPANS = 64
 _GOLDEN = 0.6180339887498949
-#: Standard deviation of the share of an element that one meridian meets, 0 < share < 1, relative
-#: to its unoccluded factor: falls with the number of meridians.
-_SHARE_DEVIATION = 0.25
-#: The same for an element between the meridians, told by one point.
-_POINT_DEVIATION = 0.3
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _find_dark(x, n, own_patch, own, sources, blockers, dark):
+    """Mark the groups (g,) of which a receiver sees nothing."""
+    find_dark(x, n, sources.group_nets, sources.group_cones, sources.group_spheres, dark)
+    if own_patch < 0:
+        return
+    group, solid_of, flags = sources.group, blockers.solid, sources.flags
+    solid = solid_of[own_patch]
+    bulging = blockers.bulging[solid]
+    for g in range(group.shape[0]):
+        if bulging and solid_of[group[g, 2]] == solid:
+            dark[g] = True
+        if own_patch == group[g, 2]:
+            # The side the receiver is on; the other side of a sheet is turned away from it.
+            mine = flags[own] if own >= 0 else flags[group[g, 0]]
+            other = own >= 0 and not group[g, 0] <= own < group[g, 1]
+            if mine & (PLANAR | CONVEX) != 0 or (other and mine & CONCAVE != 0):
+                dark[g] = True
 
 
 @nb.njit(cache=True, error_model="numpy")
 def _unoccluded(
-    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, factors, found,
-    counters,
+    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, dark, factors,
+    found, counters,
 ):  # fmt: skip
     """Unoccluded form factors from one node to all elements into ``factors`` (n,)."""
+    _find_dark(x, n, own_patch, own, sources, blockers, dark)
     edge_integrals(x, n, sources, integral)
     far_factors(
-        x, n, sources, integral, sources.cones, sources.spheres, near_ratio, eps, factors, found
-    )
-    for g in range(sources.group.shape[0]):
-        first, end, patch = sources.group[g, 0], sources.group[g, 1], sources.group[g, 2]
-        solid = blockers.solid[patch]
-        same = own_patch >= 0 and blockers.solid[own_patch] == solid
-        dark = same and blockers.bulging[solid]
-        if own_patch == patch:
-            # The side the receiver is on; the other side of a sheet is turned away from it.
-            mine = sources.flags[own] if own >= 0 else sources.flags[first]
-            other = own >= 0 and not first <= own < end
-            dark = dark or mine & (PLANAR | CONVEX) != 0 or (other and mine & CONCAVE != 0)
-        if dark:
-            counters[DARK_PAIRS] += end - first
-            for j in range(first, end):
-                factors[j] = 0.0
-            continue
-        inside = same and blockers.hollow[solid]
-        for j in range(first, end):
-            if found[j] == NEAR:
-                front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
-                shift_net(sources.nets[j], x, s)
-                factors[j] = patch_factor(
-                    s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
-                )
-            if factors[j] == 0.0:
-                counters[DARK_PAIRS] += 1
+        x, n, sources, sources.group, dark, integral, sources.cones, sources.spheres, near_ratio,
+        eps, factors, found,
+    )  # fmt: skip
+    none = 0
+    for j in range(factors.shape[0]):
+        if found[j] == NEAR:
+            patch = sources.patch[j]
+            solid = blockers.solid[patch]
+            same = own_patch >= 0 and blockers.solid[own_patch] == solid
+            inside = same and blockers.hollow[solid]
+            front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
+            shift_net(sources.nets[j], x, s)
+            factors[j] = patch_factor(
+                s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
+            )
+        none += factors[j] == 0.0
+    counters[DARK_PAIRS] += none
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _find_wanted(single, exact_above, wanted):
+    """Mark the elements that are to be traced; returns whether there are any."""
+    some = False
+    for j in range(single.shape[0]):
+        wanted[j] = single[j] > exact_above[j]
+        some |= wanted[j]
+    return some
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _add_plain(weight, single, factors):
+    """Add what one node would see with nothing in the way; returns of how many elements."""
+    count = 0
+    for j in range(single.shape[0]):
+        factors[j] += weight * single[j]
+        count += single[j] > 0.0
+    return count
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _add(weight, single, wanted, share, deviation, factors, variances):
+    """Add what one node sees of all elements that are not ``wanted``; returns how many they are."""
+    count = 0
+    for j in range(single.shape[0]):
+        if single[j] > 0.0 and not wanted[j]:
+            value = weight * single[j]
+            factors[j] += value * share[j]
+            variances[j] += (value * deviation[j]) ** 2
+            count += 1
+    return count
 
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
 def form_factor_rows(
     nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
-    trace, levels, tone, factors, variances, outside, counters,
+    trace, levels, tone, chunks, factors, variances, outside, counters,
 ):  # fmt: skip
     """Form factors from receivers with q nodes each to all sources.
 
@@ -99,6 +137,8 @@ def form_factor_rows(
         How often a source element may be quartered.
     tone : (10,) array
         Sky: 7 parameters of `sky_luminance` and the sun's direction.
+    chunks : int
+        How many threads to spread the receivers over.
     factors, variances : (m, n) array
         Receive the mean form factor and the variance of its sampled part.
     outside : (m, 5) array
@@ -106,118 +146,53 @@ def form_factor_rows(
     counters : (m, 5) int array
         `rows.DARK_PAIRS` … `rows.CELLS`.
     """
-    p = blockers.nets.shape[0]
+    count, p = nodes.shape[0], blockers.nets.shape[0]
     count_elements = sources.nets.shape[0]
-    lines = sources.azimuths.shape[0]
-    for i in nb.prange(nodes.shape[0]):
+    # Fresh memory is dear: each thread takes it once.
+    size = (count + chunks - 1) // chunks
+    for chunk in nb.prange(chunks):
         integral = np.empty(sources.edge_point.shape[2])
         single, found = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
-        s = np.empty((4, 4, 4))
-        x, n, lifted, point = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-        frame, seen = np.empty((2, 3)), np.empty(5)
+        s, dark = np.empty((4, 4, 4)), np.empty(sources.group.shape[0], dtype=np.bool_)
+        x, n, lifted = np.empty(3), np.empty(3), np.empty(3)
         scratch = make_scratch(p if trace else 0, levels)
         wanted = np.empty(count_elements, dtype=np.bool_)
-        points = sources.facet_vertices.shape[0] if lines else 0
-        local, line_of = np.empty((points, 4)), np.empty(points, dtype=np.int64)
-        crossed = np.empty((lines, 3))
-        capacity = _SPANS * lines
-        spans = make_spans(lines, capacity)
-        order, active = np.empty(capacity, dtype=np.int64), np.empty(capacity, dtype=np.int64)
-        covered, visible = np.empty(count_elements), np.empty(count_elements)
-        hits = np.empty(count_elements, dtype=np.int64)
-        for q in range(nodes.shape[1]):
-            weight = weights[i, q]
-            if weight == 0.0:
-                continue
-            for k in range(3):
-                x[k], n[k] = nodes[i, q, k], normals[i, q, k]
-                lifted[k] = x[k] + lifts[i] * n[k]
-            # A curved element may hide itself and what is behind it.
-            flat = own[i] if lifts[i] == 0.0 else -1
-            rounding = horizon_tolerance(x)
-            _unoccluded(
-                x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding, integral,
-                s, single, found, counters[i],
-            )  # fmt: skip
-            if not trace:
-                for j in range(count_elements):
-                    if single[j] > 0.0:
-                        factors[i, j] += weight * single[j]
-                        counters[i, UNOCCLUDED] += 1
-                continue
-            if lines == 0:
-                for j in range(count_elements):
-                    wanted[j] = single[j] > 0.0
-                trace_row(
-                    x, n, patches[i], sources, blockers, eps, scratch, wanted, single, s, weight,
-                    factors[i], variances[i], counters[i],
-                )  # fmt: skip
-                continue
-            turn = ((first_row + i) * nodes.shape[1] + q + 0.5) * _GOLDEN
-            tangent_frame(n, 2.0 * math.pi * (turn - math.floor(turn)), frame)
-            covered[:] = 0.0
-            visible[:] = 0.0
-            hits[:] = 0
-            count = cut_facets(
-                lifted, n, sources, flat, frame, sources.azimuths, rounding, local, line_of,
-                crossed, spans, covered, hits,
-            )  # fmt: skip
-            if count > capacity:
-                capacity = 2 * count
-                spans = make_spans(lines, capacity)
-                order = np.empty(capacity, dtype=np.int64)
-                active = np.empty(capacity, dtype=np.int64)
-                covered[:] = 0.0
-                hits[:] = 0
-                cut_facets(
-                    lifted, n, sources, flat, frame, sources.azimuths, rounding, local, line_of,
-                    crossed, spans, covered, hits,
-                )  # fmt: skip
-            sweep(
-                spans, sources.facet_element, sources.azimuths, frame, n, tone, order, active,
-                visible, seen,
-            )  # fmt: skip
-            for k in range(5):
-                outside[i, k] += seen[k] * (weight if k < 3 else weight * weight)
-            any_wanted = False
-            for j in range(count_elements):
-                wanted[j] = False
-                value = single[j]
-                if value <= 0.0:
+        lines = make_lines(sources.azimuths, ROOM * sources.azimuths.shape[0])
+        shares = make_shares(sources)
+        for i in range(chunk * size, min(count, (chunk + 1) * size)):
+            for q in range(nodes.shape[1]):
+                weight = weights[i, q]
+                if weight == 0.0:
                     continue
-                if value > sources.exact_above[j]:
-                    wanted[j] = True
-                    any_wanted = True
+                for k in range(3):
+                    x[k], n[k] = nodes[i, q, k], normals[i, q, k]
+                    lifted[k] = x[k] + lifts[i] * n[k]
+                rounding = horizon_tolerance(x)
+                _unoccluded(
+                    x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding,
+                    integral, s, dark, single, found, counters[i],
+                )  # fmt: skip
+                if not trace:
+                    counters[i, UNOCCLUDED] += _add_plain(weight, single, factors[i])
                     continue
-                counters[i, SCANNED] += 1
-                if hits[j] > 0:
-                    share = min(1.0, visible[j] / covered[j]) if covered[j] > 0.0 else 0.0
-                    deviation = 0.0
-                    if 0.0 < share < 1.0:
-                        deviation = _SHARE_DEVIATION / hits[j]
-                elif j == own[i]:
-                    share, deviation = 1.0, 0.0
-                else:
-                    for k in range(3):
-                        point[k] = sources.spheres[j, k]
-                    dx, dy, dz = point[0] - lifted[0], point[1] - lifted[1], point[2] - lifted[2]
-                    lx = frame[0, 0] * dx + frame[0, 1] * dy + frame[0, 2] * dz
-                    ly = frame[1, 0] * dx + frame[1, 1] * dy + frame[1, 2] * dz
-                    lz = n[0] * dx + n[1] * dy + n[2] * dz
-                    rho = math.sqrt(lx * lx + ly * ly)
-                    line = int(lines * (math.atan2(ly, lx) / (2.0 * math.pi) + 1.0) + 0.5) % lines
-                    tangent = lz / rho if rho > 0.0 else 1e15
-                    solid = blockers.solid[sources.patch[j]]
-                    skip = solid if blockers.bulging[solid] else -1
-                    hidden = is_hidden(
-                        spans, sources, line, tangent, point, skip,
-                        1e-6 * sources.spheres[j, 3],
+                any_wanted = _find_wanted(single, sources.exact_above, wanted)
+                if sources.azimuths.shape[0]:
+                    # A curved element may hide itself and what is behind it.
+                    flat = own[i] if lifts[i] == 0.0 else -1
+                    turn = ((first_row + i) * nodes.shape[1] + q + 0.5) * _GOLDEN
+                    turn = 2.0 * math.pi * (turn - math.floor(turn))
+                    lines = find_shares(
+                        lifted, n, own[i], flat, turn, dark, single, sources, blockers, rounding,
+                        tone, lines, shares,
                     )  # fmt: skip
-                    share, deviation = (0.0 if hidden else 1.0), _POINT_DEVIATION
-                factors[i, j] += weight * value * share
-                variances[i, j] += (weight * value * deviation) ** 2
-            if any_wanted:
-                trace_row(
-                    x, n, patches[i], sources, blockers, eps, scratch, wanted, single, s, weight,
-                    factors[i], variances[i], counters[i],
-                )  # fmt: skip
+                    for k in range(5):
+                        outside[i, k] += shares.outside[k] * (weight if k < 3 else weight * weight)
+                    counters[i, SCANNED] += _add(
+                        weight, single, wanted, shares.share, shares.deviation, factors[i],
+                        variances[i],
+                    )  # fmt: skip
+                if any_wanted:
+                    trace_row(
+                        x, n, patches[i], sources, blockers, eps, scratch, wanted, single, s,
+                        weight, factors[i], variances[i], counters[i],
+                    )  # fmt: skip

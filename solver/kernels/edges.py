@@ -21,8 +21,8 @@ import numpy as np
 TWO_PI = 2.0 * math.pi
 #: What `far_factors` found of an element: dark, done, or to be done by `patch_factor`.
 DARK, DONE, NEAR = 0, 1, 2
-#: Error of `area_factor` where the integrand has a kink, relative to radius² / distance²: measured
-#: on quarters of cylinders and spheres.
+#: Error of a sum over points where the integrand has a kink, relative to radius² / distance²:
+#: measured on quarters of cylinders and spheres.
 AREA_ERROR = 0.02
 
 
@@ -73,36 +73,37 @@ def edge_integrals(x, n, edges, integral):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def area_factor(x, n, edges, j):
-    """Form factor of element ``j`` as a sum over points that face ``x`` and are above it."""
-    total = 0.0
-    x0, x1, x2 = (
-        x[0] - edges.edge_origin[0],
-        x[1] - edges.edge_origin[1],
-        x[2] - edges.edge_origin[2],
-    )
-    for k in range(edges.area_point.shape[1]):
-        r0 = edges.area_point[j, k, 0] - x0
-        r1 = edges.area_point[j, k, 1] - x1
-        r2 = edges.area_point[j, k, 2] - x2
-        up = n[0] * r0 + n[1] * r1 + n[2] * r2
-        front = -(
-            edges.area_normal[j, k, 0] * r0
-            + edges.area_normal[j, k, 1] * r1
-            + edges.area_normal[j, k, 2] * r2
-        )
-        if up > 0.0 and front > 0.0:
-            square = r0 * r0 + r1 * r1 + r2 * r2
-            total += up * front / (square * square)
-    return total / math.pi
+def find_dark(x, n, nets, cones, spheres, dark):
+    """Mark the groups (g,) that lie below the horizon, or show their backs throughout."""
+    for g in range(dark.shape[0]):
+        dx, dy, dz = spheres[g, 0] - x[0], spheres[g, 1] - x[1], spheres[g, 2] - x[2]
+        radius, spread = spheres[g, 3], cones[g, 3]
+        slack = spread * (math.sqrt(dx * dx + dy * dy + dz * dz) + radius) + radius
+        dark[g] = n[0] * dx + n[1] * dy + n[2] * dz <= -radius
+        if spread == 0.0:
+            # All normals alike: a plane, and any of its points tells the side.
+            w, slack = nets[g, 0, 0, 3], 0.0
+            dx, dy, dz = (
+                nets[g, 0, 0, 0] / w - x[0],
+                nets[g, 0, 0, 1] / w - x[1],
+                nets[g, 0, 0, 2] / w - x[2],
+            )
+        away = -(cones[g, 0] * dx + cones[g, 1] * dy + cones[g, 2] * dz)
+        dark[g] = dark[g] or (spread < 1.0 and away <= -slack)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def far_factors(x, n, edges, integral, cones, spheres, near_ratio, eps, factors, found):
+def far_factors(
+    x, n, edges, group, dark, integral, cones, spheres, near_ratio, eps, factors, found
+):  # fmt: skip
     """Unoccluded form factors of all elements for which the shared edges are good enough.
 
     Parameters
     ----------
+    group : (g, 3) int array
+        First and end of the elements of each group.
+    dark : (g,) bool array
+        Groups of which nothing is seen.
     integral : (e,) array
         From `edge_integrals`.
     cones, spheres : (n, 4) array
@@ -116,35 +117,53 @@ def far_factors(x, n, edges, integral, cones, spheres, near_ratio, eps, factors,
     found : (n,) int array
         Receives `DARK`, `DONE` or `NEAR`.
     """
-    for j in range(factors.shape[0]):
-        factors[j] = 0.0
-        dx, dy, dz = spheres[j, 0] - x[0], spheres[j, 1] - x[1], spheres[j, 2] - x[2]
-        radius = spheres[j, 3]
-        height = n[0] * dx + n[1] * dy + n[2] * dz
-        if height <= -radius:
-            found[j] = DARK
+    edge_of, edge_sign = edges.edge_of, edges.edge_sign
+    point, normal, origin = edges.area_point, edges.area_normal, edges.edge_origin
+    x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
+    y0, y1, y2 = x0 - origin[0], x1 - origin[1], x2 - origin[2]
+    for g in range(group.shape[0]):
+        if dark[g]:
+            for j in range(group[g, 0], group[g, 1]):
+                factors[j] = 0.0
+                found[j] = DARK
             continue
-        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        away = -(cones[j, 0] * dx + cones[j, 1] * dy + cones[j, 2] * dz)
-        if cones[j, 3] < 1.0:
-            slack = cones[j, 3] * (distance + radius) + radius
-            if away <= -slack:
+        for j in range(group[g, 0], group[g, 1]):
+            factors[j] = 0.0
+            dx, dy, dz = spheres[j, 0] - x0, spheres[j, 1] - x1, spheres[j, 2] - x2
+            radius = spheres[j, 3]
+            height = n0 * dx + n1 * dy + n2 * dz
+            if height <= -radius:
                 found[j] = DARK
                 continue
-            front = away > slack
-            if cones[j, 3] == 0.0 and distance > near_ratio * radius:
-                # All normals alike: a plane. The sphere's centre is near it, not in it.
-                front = away > radius
-        else:
+            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+            away = -(cones[j, 0] * dx + cones[j, 1] * dy + cones[j, 2] * dz)
+            spread = cones[j, 3]
             front = False
-        if not front or height <= radius or distance <= near_ratio * radius:
-            if AREA_ERROR * radius * radius < eps * distance * distance:
+            if spread < 1.0:
+                slack = spread * (distance + radius) + radius
+                if away <= -slack:
+                    found[j] = DARK
+                    continue
+                front = away > slack
+                if spread == 0.0 and distance > near_ratio * radius:
+                    # All normals alike: a plane. The sphere's centre is near it, not in it.
+                    front = away > radius
+            if front and height > radius and distance > near_ratio * radius:
                 found[j] = DONE
-                factors[j] = area_factor(x, n, edges, j)
-            else:
+                total = integral[edge_of[j, 0]] + integral[edge_of[j, 1]]
+                total -= integral[edge_of[j, 2]] + integral[edge_of[j, 3]]
+                factors[j] = max(0.0, -edge_sign[j] * total / TWO_PI)
+                continue
+            if AREA_ERROR * radius * radius >= eps * distance * distance:
                 found[j] = NEAR
-            continue
-        found[j] = DONE
-        of = edges.edge_of[j]
-        total = integral[of[0]] + integral[of[1]] - integral[of[2]] - integral[of[3]]
-        factors[j] = max(0.0, -edges.edge_sign[j] * total / TWO_PI)
+                continue
+            found[j] = DONE
+            total = 0.0
+            for k in range(point.shape[1]):
+                r0, r1, r2 = point[j, k, 0] - y0, point[j, k, 1] - y1, point[j, k, 2] - y2
+                up = n0 * r0 + n1 * r1 + n2 * r2
+                facing = -(normal[j, k, 0] * r0 + normal[j, k, 1] * r1 + normal[j, k, 2] * r2)
+                if up > 0.0 and facing > 0.0:
+                    square = r0 * r0 + r1 * r1 + r2 * r2
+                    total += up * facing / (square * square)
+            factors[j] = total / math.pi

@@ -40,8 +40,8 @@ class Sources(NamedTuple):
         The same for the whole patch side.
     edge_origin … area_normal
         Gauss nodes on the edges and in the elements, as in `edges.Edges`.
-    facet_vertices … facet_solid
-        Flat pieces of the elements and of what else hides them, as in `meridian.Facets`.
+    panel_points … sight_areas
+        Flat pieces of the elements and of what else hides them, as in `facets.Facets`.
     azimuths : (lines, 2) array
         Cosine and sine of the meridians along which shares are found.
     exact_above : (n,) array
@@ -67,11 +67,23 @@ class Sources(NamedTuple):
     edge_sign: np.ndarray
     area_point: np.ndarray
     area_normal: np.ndarray
-    facet_vertices: np.ndarray
-    facet_corners: np.ndarray
-    facet_planes: np.ndarray
-    facet_element: np.ndarray
-    facet_solid: np.ndarray
+    panel_points: np.ndarray
+    panel_corners: np.ndarray
+    panel_planes: np.ndarray
+    panel_element: np.ndarray
+    panel_solid: np.ndarray
+    panel_grid: np.ndarray
+    unit_ranges: np.ndarray
+    unit_joined: np.ndarray
+    grid_size: np.ndarray
+    grid_lines: np.ndarray
+    grid_element: np.ndarray
+    sight_units: np.ndarray
+    sight_clusters: np.ndarray
+    sight_spheres: np.ndarray
+    sight_start: np.ndarray
+    sight_points: np.ndarray
+    sight_areas: np.ndarray
     azimuths: np.ndarray
     exact_above: np.ndarray
 
