@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
+from .quadrics import heights_over
 
 if TYPE_CHECKING:
     from .kernels.pieces import Surfaces
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Coefficients of one quadric fitted to two of its patches, of size 1, differ by this at most.
 _ALIKE = 1e-10
+#: Points closer than this to a source, against its radius, lie on it.
+_ON = 1e-8
 #: Accuracy of the contour against that asked for.
 _SHARE = 0.1
 
@@ -72,7 +75,20 @@ def visible_factors(
         values,
         status,
     )
-    return values, status == LEFT
+    return values, (status == LEFT) | (_lie_on(x, on, sources) & (plain > 0.0))
+
+
+def _lie_on(x: FloatArray, on: IntArray, sources: Sources) -> NDArray[np.bool_]:
+    """Which points (m, n) lie on a source, or on its edge: what they see of it is not so exact."""
+    out = np.asarray(on[:, None] == sources.group[:, 2][None], dtype=bool)
+    for j, quadric in enumerate(sources.quadrics):
+        if not quadric.any():
+            continue
+        *center, radius = sources.spheres[j]
+        near = np.linalg.norm(x - center, axis=1) <= radius
+        near[near] = np.abs(heights_over(quadric, x[near])) <= _ON * radius
+        out[:, j] |= near
+    return out
 
 
 def _surfaces(blockers: Blockers, quadrics: FloatArray) -> Surfaces:
