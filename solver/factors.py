@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
+from .feet import normals_under
 from .memory import check_matrix
 from .model.arrays import FloatArray, IntArray, check_finite, check_shape
-from .model.bezier import tangents
 from .model.elements import Elements
 from .model.form_factors import FormFactors
 from .model.patches import PatchSet
@@ -43,8 +43,6 @@ _LEVELS = 14
 _PLAIN_CELLS = 20_000
 #: What stands in memory at the same time, in matrices of factors and variances.
 _COPIES = 6
-#: Points at a time that are looked for on a patch.
-_POINTS = 4096
 #: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-5.
 _FEW_CELLS = 2000
 #: Standard deviations of the sampled part that "auto" states as its error.
@@ -271,47 +269,23 @@ def patches_under(
 ) -> IntArray:
     """Curved patch (m,) that each point lies on within 1e-9 of its size, −1 for none.
 
-    Points in a plane need no telling: they see it edge-on. Newton's iteration from the nearest of
-    9 x 9 points of the surface, for points that are on its quadric where it has one.
+    Points in a plane need no telling: they see it edge-on.
     """
     from .quadrics import heights_over
     from .topology import PLANAR, bounding_spheres
 
     out = np.full(len(points), -1, dtype=np.int64)
     spheres = bounding_spheres(nets)
-    t = np.linspace(0.0, 1.0, 9)
-    grid = [g.ravel() for g in np.meshgrid(t, t, indexing="ij")]
     for p in np.flatnonzero((flags & PLANAR) == 0):
         near = np.linalg.norm(points - spheres[p, :3], axis=1) <= spheres[p, 3]
         if quadrics[p].any():
             near[near] = np.abs(heights_over(quadrics[p], points[near])) <= 1e-8 * spheres[p, 3]
         if not near.any():
             continue
-        at, _, _ = tangents(nets[p], *grid)
         rows = np.flatnonzero(near & (out < 0))
-        for some in (rows[k : k + _POINTS] for k in range(0, len(rows), _POINTS)):
-            out[some[_lie_on(points[some], nets[p], at, grid, 1e-9 * spheres[p, 3])]] = p
+        _, gaps = normals_under(points[rows], np.broadcast_to(nets[p], (len(rows), 4, 4, 4)))
+        out[rows[gaps <= 1e-9 * spheres[p, 3]]] = p
     return out
-
-
-def _lie_on(
-    x: FloatArray, net: FloatArray, start: FloatArray, grid: list[FloatArray], tolerance: float
-) -> IntArray:
-    """Which points (m,) lie on a patch; ``start`` are its points at the parameters ``grid``."""
-    k = np.argmin(np.linalg.norm(start[None] - x[:, None], axis=2), axis=1)
-    u, v = grid[0][k], grid[1][k]
-    for _ in range(20):
-        at, su, sv = tangents(net, u, v)
-        gap = x - at
-        # Normal equations of the step; at a pole one tangent vanishes and its part with it.
-        uu, uv, vv = (np.einsum("rk,rk->r", a, b) for a, b in ((su, su), (su, sv), (sv, sv)))
-        gu, gv = np.einsum("rk,rk->r", su, gap), np.einsum("rk,rk->r", sv, gap)
-        uu, vv = uu + 1e-14 * (uu + vv), vv + 1e-14 * (uu + vv)
-        det = np.maximum(uu * vv - uv * uv, 1e-300)
-        u = np.clip(u + (vv * gu - uv * gv) / det, 0.0, 1.0)
-        v = np.clip(v + (uu * gv - uv * gu) / det, 0.0, 1.0)
-    at, _, _ = tangents(net, u, v)
-    return np.asarray(np.linalg.norm(at - x, axis=1) <= tolerance)
 
 
 def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources:
@@ -439,16 +413,14 @@ def _estimated(
     accuracy: float,
 ) -> FormFactors:
     """The contour of what is seen, and other methods where that does not serve."""
-    from .visible import visible_factors
+    from .visible import FINEST, visible_factors
 
-    value, left = visible_factors(
+    value, solved, left = visible_factors(
         x, n, share, on, sources, surfaces, quadrics, plain.factors, accuracy
     )
-    # Where no part of any contour bounds what is seen, nothing is: that is no quadrature.
-    hidden = (value <= 0.0) & (plain.factors > 0.0)
-    error = np.where(hidden, 0.0, 0.1 * accuracy * plain.factors + ABSOLUTE)
+    error = max(0.1 * accuracy, FINEST) * plain.factors + ABSOLUTE
     low, high = np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
-    counters = {**plain.counters, "pairs_by_contour": int((~left).sum())}
+    counters = {**plain.counters, "pairs_by_contour": int(solved.sum())}
     rows = np.flatnonzero(left.any(axis=1))
     if len(rows):
         own = replace(

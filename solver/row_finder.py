@@ -52,7 +52,7 @@ class Ask:
     share: float = 1.0
 
     def finer(self, found: IntArray, factor: int) -> Ask:
-        """The rows ``found`` with more meridians and more pairs traced."""
+        """The rows ``found`` with more meridians and smaller cells."""
         sources = self.sources._replace(
             azimuths=meridians(factor * len(self.sources.azimuths)),
             cell_eps=self.sources.cell_eps / factor,

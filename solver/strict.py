@@ -209,6 +209,7 @@ def tangent_planes(nets: FloatArray) -> tuple[FloatArray, FloatArray]:
 def neighbors(nets: FloatArray, adjacent: IntArray) -> IntArray:
     """What lies beyond each side of each patch: (n, 4, 4) as in `kernels.pieces.Surfaces`."""
     from .kernels.pieces import COLLAPSED, FREE
+    from .topology import NARROW
 
     n = len(nets)
     out = np.full((n, 4, 4), FREE, dtype=np.int64)
@@ -236,7 +237,7 @@ def neighbors(nets: FloatArray, adjacent: IntArray) -> IntArray:
             # Edges count as one within a share of the whole set: wider than a patch can be.
             across = edges[a, (side + 2) % 4]
             width = min(np.abs(across - own).max(), np.abs(across[::-1] - own).max())
-            if min(same[k], turned[k]) > 0.01 * width:
+            if min(same[k], turned[k]) > NARROW * width:
                 continue
             reverse = turned[k] < same[k]
             # Neighbours of one orientation run through their edge in opposite directions.

@@ -214,9 +214,10 @@ def _pack(
         np.append(of, np.full(len(back), len(units))), np.arange(len(units) + 2)
     )
     ranges = np.zeros((len(units) + 1, 4), dtype=np.int64)
+    ranges[:, 0], ranges[:, 1] = start[:-1], start[1:]
     for g in np.flatnonzero(start[1:] > start[:-1]):
         some = outline[start[g] : start[g + 1]]
-        ranges[g] = start[g], start[g + 1], some.min(), some.max() + 1
+        ranges[g, 2:] = some.min(), some.max() + 1
     lines, sizes, rows, count = [], [], 0, 0
     for row in np.flatnonzero(found.grid >= 0):
         g = found.grid[row]

@@ -12,7 +12,7 @@ from .model.bezier import surface_points
 from .model.patches import PatchSet
 
 #: Edges closer than this share of a patch's width may be one.
-_NARROW = 0.05
+NARROW = 0.01
 
 
 def writable(array: np.ndarray, dtype: type = np.float64) -> np.ndarray:
@@ -111,7 +111,7 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
     middle = points.mean(axis=1)
     across = middle.reshape(n, 4, 3)
     width = np.linalg.norm(across - across[:, [2, 3, 0, 1]], axis=2).ravel()
-    within = np.minimum(tolerance, np.where(width > 0.0, _NARROW * width, tolerance))
+    within = np.minimum(tolerance, np.where(width > 0.0, NARROW * width, tolerance))
     order = np.argsort(middle[:, 0], kind="stable")
     sorted_x = middle[order, 0]
     edges: dict[int, list[int]] = {}
@@ -124,8 +124,9 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
         near = near[(near != k) & (solid[near // 4] == solid[k // 4])]
         if near.size == 0:
             continue
-        same = np.abs(points[near] - points[k]).max(axis=(1, 2)) <= within[k]
-        turned = np.abs(points[near] - points[k][::-1]).max(axis=(1, 2)) <= within[k]
+        close = np.minimum(within[near], within[k])
+        same = np.abs(points[near] - points[k]).max(axis=(1, 2)) <= close
+        turned = np.abs(points[near] - points[k][::-1]).max(axis=(1, 2)) <= close
         edges[k] = [int(e) for e in near[same | turned]]
     for k, partners in edges.items():
         if len(partners) == 1:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _ALIKE = 1e-10
 #: Points closer than this to a source, against its radius, lie on it.
 _ON = 1e-8
+#: Openings narrower than this against a patch may be missed, and its factor be off by as much.
+FINEST = 1e-8
 #: Accuracy of the contour against that asked for.
 _SHARE = 0.1
 
@@ -33,8 +35,10 @@ def visible_factors(
     quadrics: FloatArray,
     plain: FloatArray,
     accuracy: float,
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Form factors (m, n) and which of them (m, n) are left to other methods.
+) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Form factors (m, n), which of them were found, and which are left to other methods.
+
+    The others have nothing in the way, or nothing to be seen.
 
     Parameters
     ----------
@@ -53,7 +57,7 @@ def visible_factors(
     accuracy : float
         Error allowed relative to these.
     """
-    from .kernels.visible_contour import LEFT, contour_rows
+    from .kernels.visible_contour import LEFT, SOLVED, contour_rows
     from .topology import writable
 
     values = np.array(plain)
@@ -75,7 +79,8 @@ def visible_factors(
         values,
         status,
     )
-    return values, (status == LEFT) | (_lie_on(x, on, sources) & (plain > 0.0))
+    left = (status == LEFT) | (_lie_on(x, on, sources) & (plain > 0.0))
+    return values, (status == SOLVED) & ~left, left
 
 
 def _lie_on(x: FloatArray, on: IntArray, sources: Sources) -> NDArray[np.bool_]:

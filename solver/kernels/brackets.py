@@ -229,9 +229,9 @@ def bracket_pair(
             bucket = min(bucket, k)
             made += 1
         # Sums wander by rounding as cells come and go.
-        slack = 1e-15 + 1e-16 * math.sqrt(visits)
-        best_low = max(best_low, sum_low - slack)
-        best_high = min(best_high, sum_high + slack)
+        drift = 1e-15 + 1e-16 * math.sqrt(visits)
+        best_low = max(best_low, sum_low - drift)
+        best_high = min(best_high, sum_high + drift)
     out[0], out[1] = max(best_low, 0.0), max(best_high, 0.0)
 
 

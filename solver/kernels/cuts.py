@@ -161,6 +161,9 @@ def cut_polygon(local, corners, f, upward, axes, ends):
             known = 1e-12 * (abs(ax) + abs(ay)) * (abs(bx) + abs(by))
             # The upper side of a polygon that is seen from its front runs upwards in azimuth.
             side, low, high = (1, at + 1, at + step + 1) if step > 0 else (0, at + step + 1, at + 1)
+            if low < 0 or high > 3 * lines:
+                turns = 3  # three times about the axis: it crosses itself
+                break
             if (mz if step > 0 else -mz) > known:
                 p, q = (az * by - bz * ay) / mz, (bz * ax - az * bx) / mz
                 for k in range(low, high):

