@@ -45,6 +45,8 @@ _PLAIN_CELLS = 20_000
 _COPIES = 6
 #: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-5.
 _FEW_CELLS = 2000
+#: Edges closer than this, against the size of all, are one: wider slits let light through.
+_ONE_EDGE = 1e-9
 #: Standard deviations of the sampled part that "auto" states as its error.
 _DEVIATIONS = 3.0
 
@@ -251,7 +253,7 @@ def _surfaces(nets: FloatArray, place: IntArray) -> Blockers:
     """
     from .topology import adjacency, convexity, make_blockers, watertight
 
-    adjacent = adjacency(nets, np.zeros(len(nets), np.int64))
+    adjacent = adjacency(nets, np.zeros(len(nets), np.int64), relative=_ONE_EDGE)
     sheet = connected(adjacent)
     surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet, adjacent)
     count = len(surfaces.bulging)
