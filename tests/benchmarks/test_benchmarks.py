@@ -150,8 +150,8 @@ def test_cost_is_read_off_between_points():
     # of the quickest settings, about twice what they have.
     ("case", "bounds"),
     [
-        ("A1_far", {"patchlight": 1e-3, "radiance": 2e-2, "mitsuba": 6e-2}),
-        ("B", {"patchlight": 1e-1, "radiance": 7e-2, "mitsuba": 6e-2}),
+        ("A1_far", {"patchlight": 1e-6, "radiance": 2e-2, "mitsuba": 6e-2}),
+        ("B", {"patchlight": 1e-4, "radiance": 7e-2, "mitsuba": 6e-2}),
         ("C3", {"patchlight": 2e-2, "radiance": 3e-2, "mitsuba": 8e-2}),
     ],
 )
