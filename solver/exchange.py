@@ -61,6 +61,10 @@ class Rows:
     counters: dict[str, int]
     outside: FloatArray
 
+    def take(self, rows: IntArray) -> Rows:
+        """Some of them, with the counters of all."""
+        return Rows(self.factors[rows], self.variances[rows], self.counters, self.outside[rows])
+
     def variance_of(self, light: FloatArray) -> FloatArray:
         """Variance (m,) of what the receivers gather when the elements send ``light`` (n,)."""
         out, squares = np.empty(len(self.variances)), light**2

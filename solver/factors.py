@@ -14,11 +14,12 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 from .feet import normals_under
@@ -27,6 +28,7 @@ from .model.arrays import FloatArray, IntArray, check_finite, check_shape
 from .model.elements import Elements
 from .model.form_factors import FormFactors
 from .model.patches import PatchSet
+from .surfaces import Receivers
 
 if TYPE_CHECKING:
     from .exchange import Rows
@@ -47,6 +49,8 @@ _COPIES = 6
 _FEW_CELLS = 2000
 #: Edges closer than this, against the size of all, are one: wider slits let light through.
 _ONE_EDGE = 1e-9
+#: Stands for what a receiver lies on until that is found.
+UNKNOWN = -2
 #: Standard deviations of the sampled part that "auto" states as its error.
 _DEVIATIONS = 3.0
 
@@ -112,8 +116,9 @@ def point_form_factors(
     if method != "default":
         raise InputError(f"method = {method!r}: must be 'default' or 'nn93'")
     nets, place = distinct_nets(sources, blockers)
+    receivers = Receivers.of_points(x, n, np.ones(len(x)), np.full(len(x), UNKNOWN))
     return _factors(
-        x, n, sources.control_points, place, nets, accuracy=accuracy, visibility=visibility
+        receivers, sources.control_points, place, nets, accuracy=accuracy, visibility=visibility
     )
 
 
@@ -151,18 +156,13 @@ def form_factors(
         elements = make_elements(elements, np.zeros(count, bool), np.ones((count, 2), np.int64))
     own = PatchSet(elements.nets)
     nets, place = distinct_nets(own, blockers)
-    q = elements.weights.shape[1]
-    return _factors(
+    receivers = Receivers.of_points(
         elements.nodes.reshape(-1, 3),
         elements.normals.reshape(-1, 3),
-        elements.nets,
-        place,
-        nets,
-        accuracy=accuracy,
-        visibility=visibility,
-        on=np.repeat(place, q),
-        buried=np.asarray(elements.buried).ravel(),
+        np.where(elements.buried, 0.0, 1.0).ravel(),
+        np.repeat(place, elements.weights.shape[1]),
     )
+    return _factors(receivers, elements.nets, place, nets, accuracy=accuracy, visibility=visibility)
 
 
 def _check_options(accuracy: float, visibility: str) -> None:
@@ -273,18 +273,15 @@ def patches_under(
 
     Points in a plane need no telling: they see it edge-on.
     """
-    from .quadrics import heights_over
+    from .quadrics import may_lie_on
     from .topology import PLANAR, bounding_spheres
 
     out = np.full(len(points), -1, dtype=np.int64)
     spheres = bounding_spheres(nets)
     for p in np.flatnonzero((flags & PLANAR) == 0):
-        near = np.linalg.norm(points - spheres[p, :3], axis=1) <= spheres[p, 3]
-        if quadrics[p].any():
-            near[near] = np.abs(heights_over(quadrics[p], points[near])) <= 1e-8 * spheres[p, 3]
-        if not near.any():
+        rows = np.flatnonzero(may_lie_on(points, spheres[p], quadrics[p]) & (out < 0))
+        if not len(rows):
             continue
-        rows = np.flatnonzero(near & (out < 0))
         _, gaps = normals_under(points[rows], np.broadcast_to(nets[p], (len(rows), 4, 4, 4)))
         out[rows[gaps <= 1e-9 * spheres[p, 3]]] = p
     return out
@@ -320,74 +317,62 @@ def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources
 
 
 def _factors(
-    x: FloatArray,
-    n: FloatArray,
+    receivers: Receivers,
     source_nets: FloatArray,
     place: IntArray,
     nets: FloatArray,
     *,
     accuracy: float,
     visibility: Visibility,
-    on: IntArray | None = None,
-    buried: IntArray | None = None,
 ) -> FormFactors:
-    """All three ways; ``on`` (m,) names the surface each point lies on, where it is known."""
+    """All three ways; where it is `UNKNOWN` what receivers lie on, that is found here."""
     from .quadrics import fit_quadrics
     from .topology import is_single
 
-    m, count = len(x), len(source_nets)
+    m, count = len(receivers.nodes), len(source_nets)
     if m == 0 or count == 0:
         empty = np.zeros((m, count))
         return FormFactors(empty, empty, empty, visibility != "auto")
     check_matrix(m, count, copies=_COPIES)
     surfaces = _surfaces(nets, place)
     quadrics = fit_quadrics(nets)
-    if on is None:
+    x = receivers.nodes[:, 0]
+    if (receivers.patches == UNKNOWN).any():
         on = patches_under(x, nets, surfaces.flags, quadrics)
-    share = np.ones((m, 1))
-    if buried is not None:
-        share[buried] = 0.0
+        receivers = replace(receivers, patches=on)
     # Both a point's distance and a patch's size tell how small its factor may be.
     sources = _sources(source_nets, place, np.full(count, 1.0))
-    plain = _rows(x, n, share, on, sources, surfaces, _digits(x, sources, accuracy), trace=False)
+    plain = _rows(receivers, sources, surfaces, _digits(x, sources, accuracy), trace=False)
     if visibility != "auto":
         from .strict import MOST_CELLS, strict_form_factors
 
         hide = visibility == "strict"
+        most_cells = MOST_CELLS if hide else _PLAIN_CELLS
         return strict_form_factors(
-            x,
-            n,
-            share,
-            on,
-            sources,
-            surfaces,
-            plain,
-            accuracy,
-            hide=hide,
-            most_cells=MOST_CELLS if hide else _PLAIN_CELLS,
+            receivers, sources, surfaces, plain, accuracy, hide=hide, most_cells=most_cells
         )
     if is_single(surfaces, surfaces.bulging):  # nothing hides anything
         error = 0.1 * accuracy * plain.factors + ABSOLUTE
         low, high = np.maximum(plain.factors - error, 0.0), plain.factors + error
         return FormFactors(plain.factors, low, high, False, plain.counters)
-    return _estimated(x, n, share, on, sources, surfaces, quadrics, plain, accuracy)
+    return _estimated(receivers, sources, surfaces, quadrics, plain, accuracy)
 
 
 def _rows(
-    x: FloatArray,
-    n: FloatArray,
-    share: FloatArray,
-    on: IntArray,
-    sources: Sources,
-    surfaces: Blockers,
-    eps: float,
-    *,
-    trace: bool,
+    receivers: Receivers, sources: Sources, surfaces: Blockers, eps: float, *, trace: bool
 ) -> Rows:
     from .exchange import form_factor_matrix
 
     return form_factor_matrix(
-        x[:, None], n[:, None], share, on, sources, surfaces, eps=eps, trace=trace, levels=_LEVELS
+        receivers.nodes,
+        receivers.normals,
+        receivers.weights,
+        receivers.patches,
+        sources,
+        surfaces,
+        eps=eps,
+        trace=trace,
+        levels=_LEVELS,
     )
 
 
@@ -404,10 +389,7 @@ def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
 
 
 def _estimated(
-    x: FloatArray,
-    n: FloatArray,
-    share: FloatArray,
-    on: IntArray,
+    receivers: Receivers,
     sources: Sources,
     surfaces: Blockers,
     quadrics: FloatArray,
@@ -418,57 +400,64 @@ def _estimated(
     from .visible import FINEST, visible_factors
 
     value, solved, left = visible_factors(
-        x, n, share, on, sources, surfaces, quadrics, plain.factors, accuracy
+        receivers, sources, surfaces, quadrics, plain.factors, accuracy
     )
     error = max(0.1 * accuracy, FINEST) * plain.factors + ABSOLUTE
     low, high = np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
     counters = {**plain.counters, "pairs_by_contour": int(solved.sum())}
     rows = np.flatnonzero(left.any(axis=1))
     if len(rows):
-        own = replace(
-            plain,
-            factors=plain.factors[rows],
-            variances=plain.variances[rows],
-            outside=plain.outside[rows],
+        rest = _sampled(
+            receivers.take(rows), sources, surfaces, plain.take(rows), left[rows], accuracy
         )
-        rest = _sampled(x[rows], n[rows], share[rows], on[rows], sources, surfaces, own, accuracy)
         for ours, theirs in ((value, rest.value), (low, rest.low), (high, rest.high)):
             ours[rows] = np.where(left[rows], theirs, ours[rows])
-        for name, number in rest.counters.items():
-            counters[name] = counters.get(name, 0) + number
+        _add_counters(counters, rest.counters)
     return FormFactors(value, low, high, False, counters)
 
 
+def _add_counters(counters: dict[str, int], more: Mapping[str, int]) -> None:
+    for name, number in more.items():
+        counters[name] = counters.get(name, 0) + number
+
+
 def _sampled(
-    x: FloatArray,
-    n: FloatArray,
-    share: FloatArray,
-    on: IntArray,
+    receivers: Receivers,
     sources: Sources,
     surfaces: Blockers,
     plain: Rows,
+    wanted: NDArray[np.bool_],
     accuracy: float,
 ) -> FormFactors:
-    """Brackets where they take few cells; elsewhere what is partly hidden is sampled in cells."""
+    """Brackets where they take few cells; elsewhere what is partly hidden is sampled in cells.
+
+    Only of the ``wanted`` (m, n) pairs: those of the others are as wide as they happen to be.
+    """
     from .strict import strict_form_factors
 
     # The middle of a bracket is off by half of its width at most.
     sure = strict_form_factors(
-        x, n, share, on, sources, surfaces, plain, 2.0 * accuracy, most_cells=_FEW_CELLS
+        receivers,
+        sources,
+        surfaces,
+        plain,
+        2.0 * accuracy,
+        wanted=wanted,
+        most_cells=_FEW_CELLS,
     )
     value, low, high = sure.value.copy(), sure.low.copy(), sure.high.copy()
     counters = dict(sure.counters)
-    wide = sure.width > np.maximum(2.0 * accuracy * plain.factors, 2.0 * ABSOLUTE)
+    wide = wanted & (sure.width > np.maximum(2.0 * accuracy * plain.factors, 2.0 * ABSOLUTE))
     # Along an outline of a few patch lengths lie 2 … 4 sqrt(F/e) cells of factor e, each sampled
     # with a deviation of 0.2 e: the sum deviates by 0.4 e (F/e)^(1/4), and three times that is
     # to stay below accuracy F.
     relative = (accuracy / (3.0 * 0.4)) ** (4.0 / 3.0)
-    eps = _digits(x, sources, accuracy)
+    eps = _digits(receivers.nodes[:, 0], sources, accuracy)
     for i in np.flatnonzero(wide.any(axis=1)):
-        row, open_ = slice(i, i + 1), wide[i]
+        open_ = wide[i]
         cells = np.where(open_, np.maximum(relative * plain.factors[i], 0.01 * ABSOLUTE), 1.0)
         own = sources._replace(cell_eps=cells)
-        found = _rows(x[row], n[row], share[row], on[row], own, surfaces, eps, trace=True)
+        found = _rows(receivers.take(np.array([i])), own, surfaces, eps, trace=True)
         error = _DEVIATIONS * np.sqrt(found.variances[0]) + 0.1 * accuracy * plain.factors[i]
         least = np.maximum(found.factors[0] - error - ABSOLUTE, low[i])
         most = np.minimum(found.factors[0] + error + ABSOLUTE, high[i])
@@ -476,6 +465,5 @@ def _sampled(
         open_ &= least <= most
         value[i] = np.where(open_, np.clip(found.factors[0], low[i], high[i]), value[i])
         low[i], high[i] = np.where(open_, least, low[i]), np.where(open_, most, high[i])
-        for name, number in found.counters.items():
-            counters[name] = counters.get(name, 0) + number
+        _add_counters(counters, found.counters)
     return FormFactors(value, low, high, False, counters)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .model.arrays import FloatArray
 from .model.bezier import surface_points
@@ -12,6 +13,8 @@ _POINTS = 7
 #: How far the points may lie off it, in coordinates of size 1; a displacement of the silhouette
 #: by this much changes a form factor by its square.
 _OFF = 1e-11
+#: Points closer than this to a quadric, against the patch, may be on it.
+_ON = 1e-8
 #: Thinnest patch, against its length.
 _FLAT = 1e-7
 #: Least singular value of another fit: else there are several, as through a plane.
@@ -81,6 +84,14 @@ def turned(quadrics: FloatArray, back: np.ndarray) -> FloatArray:
     out = quadrics.copy()
     out[back, :4] *= -1.0
     return out
+
+
+def may_lie_on(points: FloatArray, sphere: FloatArray, quadric: FloatArray) -> NDArray[np.bool_]:
+    """Which points (m, 3) are in a patch's sphere (4,), and on its quadric if it has one."""
+    near = np.asarray(np.linalg.norm(points - sphere[:3], axis=1) <= sphere[3])
+    if quadric.any():
+        near[near] = np.abs(heights_over(quadric, points[near])) <= _ON * sphere[3]
+    return near
 
 
 def heights_over(quadric: FloatArray, points: FloatArray) -> FloatArray:

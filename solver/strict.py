@@ -6,11 +6,13 @@ from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .feet import normals_under
 from .model import bezier
 from .model.arrays import FloatArray, IntArray
 from .model.form_factors import FormFactors
+from .surfaces import Receivers
 
 if TYPE_CHECKING:
     from .exchange import Rows
@@ -26,15 +28,13 @@ _TURN = (1, 1, -1, -1)
 
 
 def strict_form_factors(
-    x: FloatArray,
-    n: FloatArray,
-    share: FloatArray,
-    on: IntArray,
+    receivers: Receivers,
     sources: Sources,
     blockers: Blockers,
     plain: Rows,
     accuracy: float,
     *,
+    wanted: NDArray[np.bool_] | None = None,
     hide: bool = True,
     most_cells: int = MOST_CELLS,
 ) -> FormFactors:
@@ -42,18 +42,17 @@ def strict_form_factors(
 
     Parameters
     ----------
-    x, n : (m, 3) array
-        Points [m] and unit normals.
-    share : (m, 1) array
-        0 for points that get no light.
-    on : (m,) int array
-        Surface each point lies on, −1 for none.
+    receivers : Receivers
+        m points of one node each, of share 0 where they get no light, and the surface each lies
+        on, −1 for none.
     sources, blockers
         Sources and all distinct surfaces; ``sources.group[:, 2]`` names the surface of each.
     plain : Rows
         Factors without hiding.
     accuracy : float
         Relative width of a bracket.
+    wanted : (m, n) bool array, optional
+        Pairs whose brackets are asked for; those of others are as the first look leaves them.
     hide : bool
         False ignores all hiding: what is left to bracket are silhouettes of the sources, and the
         value is that of ``plain`` if it lies in the bracket.
@@ -63,15 +62,19 @@ def strict_form_factors(
     from .kernels.brackets import LEFT, SKIPPED, TRACED, VISITED, WHOLE, bracket_rows
     from .topology import writable
 
+    x, n = receivers.nodes[:, 0], receivers.normals[:, 0]
     surfaces = see_through(blockers)
     tangents, centers = tangent_planes(sources.nets)
-    under, views = touched(x, n, on, surfaces)
+    goals = np.maximum(accuracy * plain.factors, 1e-12)
+    if wanted is not None:
+        goals = np.where(wanted, goals, np.inf)
+    under, views = touched(x, n, receivers.patches, surfaces)
     shape = plain.factors.shape
     low, high = np.zeros(shape), np.zeros(shape)
     counters = np.zeros((len(x), 5), dtype=np.int64)
     bracket_rows(
         writable(x),
-        writable(n * share),
+        writable(n * receivers.weights),
         writable(under, np.int64),
         views,
         sources.nets,
@@ -79,7 +82,7 @@ def strict_form_factors(
         writable(sources.group[:, 2], np.int64),
         tangents,
         centers,
-        np.maximum(accuracy * plain.factors, 1e-12),
+        goals,
         surfaces,
         int(surfaces.sheet.max()) + 1,
         hide,
@@ -139,12 +142,16 @@ def touched(
     return rows, views
 
 
-def see_through(blockers: Blockers) -> Surfaces:
-    """What `kernels.brackets` needs to know of the surfaces."""
+def see_through(blockers: Blockers, bent: NDArray[np.bool_] | None = None) -> Surfaces:
+    """What kernels need to know of the surfaces; tangent planes of the ``bent`` (p,) only."""
     from .kernels.pieces import Surfaces
     from .topology import writable
 
-    tangents, centers = tangent_planes(blockers.nets)
+    count = len(blockers.nets)
+    tangents, centers = np.zeros((count, 9, 9, 4)), np.zeros((count, 3))
+    bent = np.ones(count, dtype=bool) if bent is None else bent
+    if bent.any():
+        tangents[bent], centers[bent] = tangent_planes(blockers.nets[bent])
     return Surfaces(
         nets=blockers.nets,
         kinds=blockers.kinds,

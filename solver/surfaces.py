@@ -35,9 +35,15 @@ class Receivers:
 
     @classmethod
     def of_sensors(cls, grid: Sensors) -> Receivers:
-        ones = np.ones((len(grid), 1))
-        nowhere = np.full(len(grid), -1)
-        return cls(grid.points[:, None], grid.normals[:, None], ones, nowhere, nowhere)
+        ones = np.ones(len(grid))
+        return cls.of_points(grid.points, grid.normals, ones, np.full(len(grid), -1))
+
+    @classmethod
+    def of_points(
+        cls, points: FloatArray, normals: FloatArray, share: FloatArray, on: IntArray
+    ) -> Receivers:
+        """Points (m, 3) with a share (m,) of 0 where they get no light, and what they lie on."""
+        return cls(points[:, None], normals[:, None], share[:, None], on, np.full(len(on), -1))
 
     def take(self, rows: IntArray) -> Receivers:
         """Some of them."""

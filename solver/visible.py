@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
-from .quadrics import heights_over
+from .quadrics import may_lie_on
+from .surfaces import Receivers
 
 if TYPE_CHECKING:
     from .kernels.pieces import Surfaces
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
 #: Coefficients of one quadric fitted to two of its patches, of size 1, differ by this at most.
 _ALIKE = 1e-10
-#: Points closer than this to a source, against its radius, lie on it.
-_ON = 1e-8
 #: Openings narrower than this against a patch may be missed, and its factor be off by as much.
 FINEST = 1e-8
 #: Accuracy of the contour against that asked for.
@@ -26,10 +25,7 @@ _SHARE = 0.1
 
 
 def visible_factors(
-    x: FloatArray,
-    n: FloatArray,
-    share: FloatArray,
-    on: IntArray,
+    receivers: Receivers,
     sources: Sources,
     blockers: Blockers,
     quadrics: FloatArray,
@@ -42,14 +38,8 @@ def visible_factors(
 
     Parameters
     ----------
-    x, n : (m, 3) array
-        Points [m] and unit normals.
-    share : (m, 1) array
-        0 for points that get no light.
-    on : (m,) int array
-        Surface each point lies on, −1 for none.
-    sources, blockers
-        Sources and all distinct surfaces; ``sources.group[:, 2]`` names the surface of each.
+    receivers, sources, blockers
+        As in `strict.strict_form_factors`.
     quadrics : (p, 5, 4) array
         Of the surfaces, from `fit_quadrics`.
     plain : (m, n) array
@@ -60,12 +50,13 @@ def visible_factors(
     from .kernels.visible_contour import LEFT, SOLVED, contour_rows
     from .topology import writable
 
+    x = receivers.nodes[:, 0]
     values = np.array(plain)
     status = np.zeros(plain.shape, dtype=np.int64)
     contour_rows(
         writable(x),
-        writable(n * share),
-        writable(on, np.int64),
+        writable(receivers.normals[:, 0] * receivers.weights),
+        writable(receivers.patches, np.int64),
         writable(sources.group[:, 2], np.int64),
         sources.nets,
         sources.flags,
@@ -79,7 +70,7 @@ def visible_factors(
         values,
         status,
     )
-    left = (status == LEFT) | (_lie_on(x, on, sources) & (plain > 0.0))
+    left = (status == LEFT) | (_lie_on(x, receivers.patches, sources) & (plain > 0.0))
     return values, (status == SOLVED) & ~left, left
 
 
@@ -87,38 +78,21 @@ def _lie_on(x: FloatArray, on: IntArray, sources: Sources) -> NDArray[np.bool_]:
     """Which points (m, n) lie on a source, or on its edge: what they see of it is not so exact."""
     out = np.asarray(on[:, None] == sources.group[:, 2][None], dtype=bool)
     for j, quadric in enumerate(sources.quadrics):
-        if not quadric.any():
-            continue
-        *center, radius = sources.spheres[j]
-        near = np.linalg.norm(x - center, axis=1) <= radius
-        near[near] = np.abs(heights_over(quadric, x[near])) <= _ON * radius
-        out[:, j] |= near
+        if quadric.any():
+            out[:, j] |= may_lie_on(x, sources.spheres[j], quadric)
     return out
 
 
 def _surfaces(blockers: Blockers, quadrics: FloatArray) -> Surfaces:
     """What `kernels.outlines` needs; tangent planes of those neither flat nor quadrics only."""
     from .kernels.outlines import SMOOTH
-    from .kernels.pieces import Surfaces
-    from .strict import neighbors, tangent_planes
-    from .topology import PLANAR, writable
+    from .strict import see_through
+    from .topology import PLANAR
 
-    beyond = neighbors(blockers.nets, blockers.adjacent)
+    surfaces = see_through(blockers, (blockers.flags & PLANAR == 0) & (quadrics[:, 4, 3] == 0.0))
+    beyond = surfaces.neighbors
     beyond[..., 2] = np.where(_goes_on(quadrics, beyond), SMOOTH, beyond[..., 2])
-    count = len(blockers.nets)
-    tangents, centers = np.zeros((count, 9, 9, 4)), np.zeros((count, 3))
-    bent = (blockers.flags & PLANAR == 0) & (quadrics[:, 4, 3] == 0.0)
-    if bent.any():
-        tangents[bent], centers[bent] = tangent_planes(blockers.nets[bent])
-    return Surfaces(
-        nets=blockers.nets,
-        kinds=blockers.kinds,
-        tangents=tangents,
-        centers=centers,
-        neighbors=beyond,
-        sheet=writable(blockers.solid, np.int64),
-        flags=blockers.flags,
-    )
+    return surfaces
 
 
 def _goes_on(quadrics: FloatArray, beyond: IntArray) -> NDArray[np.bool_]:

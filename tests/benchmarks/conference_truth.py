@@ -140,18 +140,18 @@ def _brackets(
     """Proved brackets (rows, n) of the factors from the nodes of some elements."""
     from patchlight.solver.exchange import form_factor_matrix
     from patchlight.solver.strict import strict_form_factors
+    from patchlight.solver.surfaces import Receivers
 
     m, q = receivers.weights.shape
     nodes, normals = receivers.nodes.reshape(-1, 3), receivers.normals.reshape(-1, 3)
-    ones, on = np.ones((m * q, 1)), np.repeat(receivers.patches, q)
+    on = np.repeat(receivers.patches, q)
+    points = Receivers.of_points(nodes, normals, np.ones(m * q), on)
     rows = np.arange(len(sources.nets))
     single = sources._replace(group=np.stack([rows, rows + 1, sources.patch], axis=1))
     plain = form_factor_matrix(
-        nodes[:, None], normals[:, None], ones, on, sources, blockers, eps=EPS, trace=False
+        points.nodes, points.normals, points.weights, on, sources, blockers, eps=EPS, trace=False
     )
-    found = strict_form_factors(
-        nodes, normals, ones, on, single, blockers, plain, STRICT, most_cells=STRICT_CELLS
-    )
+    found = strict_form_factors(points, single, blockers, plain, STRICT, most_cells=STRICT_CELLS)
     low, high = (
         np.einsum("mq,mqn->mn", receivers.weights, side.reshape(m, q, -1))
         for side in (found.low, found.high)
