@@ -14,7 +14,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
@@ -287,22 +287,38 @@ def patches_under(
     return out
 
 
-def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources:
-    """Every net as a source element of its own."""
+def _sources(
+    nets: FloatArray,
+    place: IntArray,
+    surfaces: Blockers,
+    quadrics: FloatArray,
+    cell_eps: FloatArray,
+) -> Sources:
+    """Every net as a source element of its own; ``place`` names its surface."""
     from .kernels.rows import Sources
     from .quadrics import fit_quadrics
     from .tables import make_edges, meridians, no_facets
     from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
+    # Turned about or over, a surface differs from its source.
+    other = (nets != surfaces.nets[place]).any(axis=(1, 2, 3))
+
+    def of_sources(known: np.ndarray, find: Callable[[FloatArray], np.ndarray]) -> np.ndarray:
+        out = known[place]
+        if other.any():
+            out[other] = find(nets[other])
+        return out
+
     rows = np.arange(len(nets))
     whole = np.tile([0.0, 1.0, 0.0, 1.0], (len(nets), 1))
-    cones, spheres = normal_cones(nets), bounding_spheres(nets)
+    cones = of_sources(surfaces.cones, normal_cones)
+    spheres = of_sources(surfaces.spheres, bounding_spheres)
     return Sources(
         nets=writable(nets),
         cones=cones,
         spheres=spheres,
-        flags=shape_flags(nets),
-        quadrics=fit_quadrics(nets),
+        flags=of_sources(surfaces.flags, shape_flags),
+        quadrics=of_sources(quadrics, fit_quadrics),
         cell_eps=writable(cell_eps),
         patch=writable(place, np.int64),
         group=np.stack([rows, rows + 1, place], axis=1),
@@ -341,7 +357,7 @@ def _factors(
         on = patches_under(x, nets, surfaces.flags, quadrics)
         receivers = replace(receivers, patches=on)
     # Both a point's distance and a patch's size tell how small its factor may be.
-    sources = _sources(source_nets, place, np.full(count, 1.0))
+    sources = _sources(source_nets, place, surfaces, quadrics, np.ones(count))
     plain = _rows(receivers, sources, surfaces, _digits(x, sources, accuracy), trace=False)
     if visibility != "auto":
         from .strict import MOST_CELLS, strict_form_factors

@@ -227,27 +227,27 @@ def neighbors(nets: FloatArray, adjacent: IntArray) -> IntArray:
         h = np.einsum("ti,tj,pijk->ptk", bu, bv, nets, optimize=True)
         edges[:, k] = h[..., :3] / h[..., 3:]
     extent = np.ptp(edges.reshape(n, -1, 3), axis=1).max(axis=1)
-    for a in range(n):
-        for side in range(4):
-            own = edges[a, side]
-            if np.abs(own - own[0]).max() <= 1e-12 * extent[a]:
-                out[a, side, 0] = COLLAPSED
-                continue
-            b = adjacent[a, side]
-            if b < 0:
-                continue
-            same = [float(np.abs(edges[b, k] - own).max()) for k in range(4)]
-            turned = [float(np.abs(edges[b, k] - own[::-1]).max()) for k in range(4)]
-            if b == a:  # a patch that closes on itself: not with this side
-                same[side] = np.inf
-            k = int(np.argmin(np.minimum(same, turned)))
-            # Edges count as one within a share of the whole set: wider than a patch can be.
-            across = edges[a, (side + 2) % 4]
-            width = min(np.abs(across - own).max(), np.abs(across[::-1] - own).max())
-            if min(same[k], turned[k]) > NARROW * width:
-                continue
-            reverse = turned[k] < same[k]
-            # Neighbours of one orientation run through their edge in opposite directions.
-            consistent = _TURN[side] * _TURN[k] * (-1 if reverse else 1) < 0
-            out[a, side] = b, k, int(reverse), 1 if consistent else -1
+    point = np.abs(edges - edges[:, :, :1]).max(axis=(2, 3)) <= 1e-12 * extent[:, None]
+    out[point, 0] = COLLAPSED
+    a, side = np.nonzero(~point & (adjacent >= 0))
+    b, own = adjacent[a, side], edges[a, side, None]
+    same = np.abs(edges[b] - own).max(axis=(2, 3))
+    turned = np.abs(edges[b] - own[:, :, ::-1]).max(axis=(2, 3))
+    itself = b == a  # a patch that closes on itself: not with this side
+    same[itself, side[itself]] = np.inf
+    rows = np.arange(len(a))
+    k = np.argmin(np.minimum(same, turned), axis=1)
+    same, turned = same[rows, k], turned[rows, k]
+    # Edges count as one within a share of the whole set: wider than a patch can be.
+    across, own = edges[a, (side + 2) % 4], own[:, 0]
+    width = np.minimum(
+        np.abs(across - own).max(axis=(1, 2)), np.abs(across[:, ::-1] - own).max(axis=(1, 2))
+    )
+    reverse = turned < same
+    # Neighbours of one orientation run through their edge in opposite directions.
+    ways = np.array(_TURN)
+    consistent = ways[side] * ways[k] * np.where(reverse, -1, 1) < 0
+    met = np.minimum(same, turned) <= NARROW * width
+    found = np.stack([b, k, reverse, np.where(consistent, 1, -1)], axis=1)
+    out[a[met], side[met]] = found[met]
     return out

@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
 from .quadrics import may_lie_on
+from .regions import make_regions
 from .surfaces import Receivers
 
 if TYPE_CHECKING:
-    from .kernels.pieces import Surfaces
     from .kernels.pyramid import Blockers
     from .kernels.rows import Sources
 
-#: Coefficients of one quadric fitted to two of its patches, of size 1, differ by this at most.
-_ALIKE = 1e-10
 #: Openings narrower than this against a patch may be missed, and its factor be off by as much.
 FINEST = 1e-8
 #: Accuracy of the contour against that asked for.
@@ -48,8 +46,12 @@ def visible_factors(
         Error allowed relative to these.
     """
     from .kernels.visible_contour import LEFT, SOLVED, contour_rows
-    from .topology import writable
+    from .strict import see_through
+    from .topology import PLANAR, writable
 
+    # Tangent planes of those neither flat nor quadrics only.
+    surfaces = see_through(blockers, (blockers.flags & PLANAR == 0) & (quadrics[:, 4, 3] == 0.0))
+    regions = make_regions(quadrics, surfaces.neighbors, surfaces.sheet, blockers.spheres)
     x = receivers.nodes[:, 0]
     values = np.array(plain)
     status = np.zeros(plain.shape, dtype=np.int64)
@@ -64,8 +66,8 @@ def visible_factors(
         writable(plain),
         _SHARE * accuracy,
         blockers,
-        _surfaces(blockers, quadrics),
-        writable(quadrics),
+        surfaces,
+        regions,
         sources.quadrics,
         values,
         status,
@@ -81,35 +83,3 @@ def _lie_on(x: FloatArray, on: IntArray, sources: Sources) -> NDArray[np.bool_]:
         if quadric.any():
             out[:, j] |= may_lie_on(x, sources.spheres[j], quadric)
     return out
-
-
-def _surfaces(blockers: Blockers, quadrics: FloatArray) -> Surfaces:
-    """What `kernels.outlines` needs; tangent planes of those neither flat nor quadrics only."""
-    from .kernels.outlines import SMOOTH
-    from .strict import see_through
-    from .topology import PLANAR
-
-    surfaces = see_through(blockers, (blockers.flags & PLANAR == 0) & (quadrics[:, 4, 3] == 0.0))
-    beyond = surfaces.neighbors
-    beyond[..., 2] = np.where(_goes_on(quadrics, beyond), SMOOTH, beyond[..., 2])
-    return surfaces
-
-
-def _goes_on(quadrics: FloatArray, beyond: IntArray) -> NDArray[np.bool_]:
-    """Whether the patch over each side (p, 4) lies on the same quadric, and faces the same way."""
-    other = np.maximum(beyond[..., 0], 0)
-    mine, theirs = quadrics[:, None], quadrics[other]
-    # Both in the coordinates of the first.
-    move = np.zeros((*other.shape, 4, 4))
-    ratio = theirs[..., 4, 3] / np.where(mine[..., 4, 3] > 0.0, mine[..., 4, 3], 1.0)
-    move[..., [0, 1, 2], [0, 1, 2]] = ratio[..., None]
-    move[..., :3, 3] = (mine[..., 4, :3] - theirs[..., 4, :3]) * theirs[..., 4, 3:]
-    move[..., 3, 3] = 1.0
-    same = move.swapaxes(-1, -2) @ theirs[..., :4, :] @ move
-    a, b = (
-        q / np.maximum(np.abs(q).max(axis=(-1, -2), keepdims=True), 1e-300)
-        for q in (np.broadcast_to(mine[..., :4, :], same.shape), same)
-    )
-    alike = np.abs(a - beyond[..., 3, None, None] * b).max(axis=(-1, -2)) <= _ALIKE
-    known = (mine[..., 4, 3] > 0.0) & (theirs[..., 4, 3] > 0.0)
-    return np.asarray((beyond[..., 0] >= 0) & known & alike)

@@ -17,8 +17,10 @@ from .quadric import restrict_cubic
 MOST = 9
 #: Values within this share of their terms are rounding: the curve runs in the plane itself.
 _ROUNDING = 1e-13
-#: Pieces straighter than this, against their length, are left to Newton's iteration.
-_STRAIGHT = 0.02
+#: Pieces straighter than this together, against their length, are left to Newton's iteration if the
+#: angle between them is more than `_TURN` times as much: a cubic turns from its chord by three
+#: times the distance of its control points at most, over its length, and a third is to spare.
+_STRAIGHT, _TURN = 0.04, 4.0
 #: Pieces of this length that still may cross touch.
 _SHORTEST = 1e-7
 #: Samples along a curve that a point is looked for on.
@@ -87,7 +89,7 @@ def _straight_crossings(a, b, breaks, more, at, count):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _picture_box(c, box):
+def picture_box(c, box):
     """Box of the picture of a cubic with positive depths."""
     box[0], box[1], box[2], box[3] = 1e300, -1e300, 1e300, -1e300
     for i in range(4):
@@ -164,33 +166,31 @@ def _bent_crossings(a, b, space, spans, at):
                 ca[i, k], cb[i, k] = a[i, k], b[i, k]
         restrict_cubic(ca, a0, a1)
         restrict_cubic(cb, b0, b1)
-        _picture_box(ca, box_a)
-        _picture_box(cb, box_b)
+        picture_box(ca, box_a)
+        picture_box(cb, box_b)
         if (
             box_a[1] < box_b[0] or box_b[1] < box_a[0] or box_a[3] < box_b[2]
             or box_b[3] < box_a[2]
         ):  # fmt: skip
             continue
-        bend_a, bend_b = _bend(ca), _bend(cb)
         small = a1 - a0 < _SHORTEST or b1 - b0 < _SHORTEST
-        if small or (bend_a < _STRAIGHT and bend_b < _STRAIGHT):
+        bend = _bend(ca) + _bend(cb)
+        if small or bend < _STRAIGHT:
             ux = ca[3, 0] / ca[3, 2] - ca[0, 0] / ca[0, 2]
             uy = ca[3, 1] / ca[3, 2] - ca[0, 1] / ca[0, 2]
             vx = cb[3, 0] / cb[3, 2] - cb[0, 0] / cb[0, 2]
             vy = cb[3, 1] / cb[3, 2] - cb[0, 1] / cb[0, 2]
             turn = abs(ux * vy - uy * vx)
-            if turn > 0.15 * math.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy)):
-                # Nearly straight and not along each other: one crossing at most.
-                s, t = 0.5 * (a0 + a1), 0.5 * (b0 + b1)
-                if not _newton(a, b, s, t, pa, pb, root):
-                    return -1
-                s, t = root[0], root[1]
-                if a0 <= s < a1 and b0 <= t < b1:
-                    if count >= MOST:
-                        return -1
-                    at[count, 0], at[count, 1] = s, t
-                    count += 1
-                continue
+            if turn > _TURN * bend * math.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy)):
+                # Their directions nowhere agree: one crossing at most.
+                if _newton(a, b, 0.5 * (a0 + a1), 0.5 * (b0 + b1), pa, pb, root):
+                    s, t = root[0], root[1]
+                    if a0 <= s < a1 and b0 <= t < b1:
+                        if count >= MOST:
+                            return -1
+                        at[count, 0], at[count, 1] = s, t
+                        count += 1
+                    continue
             if small:
                 if (a0 == 0.0 or a1 == 1.0) and (b0 == 0.0 or b1 == 1.0):
                     continue  # one goes on where the other ends

@@ -1,9 +1,12 @@
 """Outlines of surfaces from one receiver: the curves at which what they hide may end.
 
-They are of two kinds: arcs of silhouettes, and edges of a sheet that are free or beyond which the
-sheet turns back. Both are cubics of control vectors relative to the receiver, directed so that the
-surface lies on their left. Silhouettes are known of quadrics (`quadric`); a patch of another kind
-that shows both sides is `ODD`, and so is what needs its outline.
+They are of two kinds: silhouettes, and edges of a sheet that are free or beyond which the sheet
+turns back. Both are cubics of control vectors relative to the receiver, directed so that the
+surface lies on their left. Silhouettes are known of quadrics, of whole regions (`regions`) or else
+patch by patch (`quadric`); a patch of another kind that shows both sides is `ODD`, and so is what
+needs its outline.
+
+A receiver looks at a sheet when something of it is in the way, not before.
 """
 
 from typing import NamedTuple
@@ -12,14 +15,26 @@ import numba as nb
 import numpy as np
 
 from .contour import cubic, load_edge, shift_net, sign_breaks
-from .nets import PLANAR, halve_u, halve_v, heights
+from .nets import PLANAR, copy_net, halve_u, halve_v, heights
 from .pieces import BACK, COLLAPSED, FREE, FRONT, MIXED, NONE, see_tangents
 from .quadric import front_outline, polar_plane, restrict_cubic, side_values
+from .regions import (
+    PATCHES,
+    ROUND,
+    Cuts,
+    cut_boundary,
+    make_cuts,
+    round_arcs,
+    ruled_lines,
+    side_along,
+)
 
 #: A patch that shows both sides, but not where they meet.
 ODD = 4
 #: Stands for the direction of an edge over which the surface goes on smoothly: it casts no shadow.
 SMOOTH = 2
+#: How much is known of a sheet: nothing, the sides seen, and its outlines too.
+UNKNOWN, SIDES, OUTLINED = 0, 1, 2
 #: Quarterings of a patch whose silhouette is not a single arc.
 _LEVELS = 6
 
@@ -28,82 +43,122 @@ class Outlines(NamedTuple):
     """Surfaces as one receiver sees them, and their outlines."""
 
     nets: np.ndarray  # (p, 4, 4, 4) relative to the receiver
+    shifted: np.ndarray  # (p,) bool: whether `nets` and `low` are known
+    low: np.ndarray  # (p,) bool: wholly below the horizon
+    viewed: np.ndarray  # (s,) bool: whether the view cones of a sheet's patches are known
+    looked: np.ndarray  # (s,) what is known of each sheet: `UNKNOWN`, `SIDES`, `OUTLINED`
     state: np.ndarray  # (p,) `FRONT`, `BACK`, `MIXED`, `ODD`, or `NONE` for edge-on
     polar: np.ndarray  # (p, 4) functional of (H, w) that is positive where the + side is seen
-    low: np.ndarray  # (p,) bool: wholly below the horizon
-    curve: np.ndarray  # (k, 4, 3)
-    sides: np.ndarray  # (k, 2) patches that meet in it, −1 for none
-    count: np.ndarray  # (1,) number of curves
     whole: np.ndarray  # (p,) bool: all curves of the patch are known
+    curve: np.ndarray  # (k, 4, 3)
+    sides: np.ndarray  # (k, 3) patches that meet in it, −1 for none, and region, −1 for none
+    count: np.ndarray  # (1,) number of curves
+    cuts: Cuts
+    work: np.ndarray  # (9, 4)
+    values: np.ndarray  # (4, 4)
+    tangents: np.ndarray  # (9, 9)
+    pieces: np.ndarray  # (17, 4, 3)
+    breaks: np.ndarray  # (2, 8)
+    ends: np.ndarray  # (3, 3)
+    stack: np.ndarray  # (levels, 4, 4, 4)
+    level: np.ndarray  # (levels,)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def make_outlines(patches):
+def make_outlines(patches, sheets):
     """Room for so many patches."""
     return Outlines(
         np.empty((patches, 4, 4, 4)),
+        np.zeros(patches, dtype=np.bool_),
+        np.zeros(patches, dtype=np.bool_),
+        np.zeros(sheets, dtype=np.bool_),
+        np.zeros(sheets, dtype=np.int64),
         np.zeros(patches, dtype=np.int64),
         np.empty((patches, 4)),
         np.zeros(patches, dtype=np.bool_),
         np.empty((12 * patches + 32, 4, 3)),
-        np.empty((12 * patches + 32, 2), dtype=np.int64),
+        np.empty((12 * patches + 32, 3), dtype=np.int64),
         np.zeros(1, dtype=np.int64),
-        np.zeros(patches, dtype=np.bool_),
+        make_cuts(patches),
+        np.empty((9, 4)),
+        np.empty((4, 4)),
+        np.empty((9, 9)),
+        np.empty((17, 4, 3)),
+        np.empty((2, 8)),
+        np.empty((3, 3)),
+        np.empty((3 * _LEVELS + 4, 4, 4, 4)),
+        np.empty(3 * _LEVELS + 4, dtype=np.int64),
     )
 
 
 @nb.njit(cache=True, error_model="numpy")
-def shift_surfaces(surfaces, x, n, rounding, out):
-    """Shift all patches to receiver ``x`` with normal ``n``, and tell which are below its horizon.
+def forget_outlines(out):
+    """Make ready for the next receiver."""
+    for b in range(out.shifted.shape[0]):
+        out.shifted[b] = False
+    for s in range(out.looked.shape[0]):
+        out.viewed[s] = False
+        out.looked[s] = UNKNOWN
+    out.count[0] = 0
 
-    The first of two steps: `see_outlines` is not needed where none of them is in the way.
+
+@nb.njit(cache=True, error_model="numpy")
+def is_low(b, nets, x, n, rounding, shifted, low, out):
+    """Whether patch ``b`` is wholly below the horizon of receiver ``x`` with normal ``n``.
+
+    Its net is shifted to the receiver, into ``out``, if it is not there yet.
     """
-    for b in range(surfaces.nets.shape[0]):
-        shift_net(surfaces.nets[b], x, out.nets[b])
-        _, _, high = heights(out.nets[b], n)
-        out.low[b] = high <= rounding
+    if not shifted[b]:
+        shift_net(nets[b], x, out[b])
+        _, _, high = heights(out[b], n)
+        low[b] = high <= rounding
+        shifted[b] = True
+    return low[b]
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _see_sides(surfaces, cones, quadrics, x, rounding, out, f, g):
-    """Tell from which side each patch is seen."""
-    for b in range(surfaces.nets.shape[0]):
-        polar = out.polar[b]
-        if polar_plane(quadrics[b], x, polar):
-            low, high, zero = side_values(out.nets[b], polar, f)
-        elif surfaces.flags[b] & PLANAR:
-            low = 0.0
-            for k in range(3):
-                low -= cones[b, k] * out.nets[b, 0, 0, k]
-            high = low
-            zero = rounding * out.nets[b, 0, 0, 3]
-            polar[0] = polar[1] = polar[2] = 0.0
-            polar[3] = 1.0 if low > 0.0 else -1.0
-        else:
-            zero = see_tangents(surfaces.tangents[b], surfaces.centers[b], x, g)
-            low, high = g.min(), g.max()
-            polar[0] = polar[1] = polar[2] = 0.0
-            polar[3] = 1.0 if low > -zero else -1.0
-        if high <= zero and low >= -zero:
-            out.state[b] = NONE
-            polar[0] = polar[1] = polar[2] = polar[3] = 0.0
-        elif low >= -zero:
-            out.state[b] = FRONT
-        elif high <= zero:
-            out.state[b] = BACK
-        else:
-            out.state[b] = MIXED if quadrics[b, 4, 3] != 0.0 else ODD
+def _see_side(net, cone, quadric, x, rounding, polar, values):
+    """How a plane or quadric is seen; writes ``polar``."""
+    if polar_plane(quadric, x, polar):
+        low, high, zero = side_values(net, polar, values)
+    else:
+        low = 0.0
+        for k in range(3):
+            low -= cone[k] * net[0, 0, k]
+        high = low
+        zero = rounding * net[0, 0, 3]
+        polar[0] = polar[1] = polar[2] = 0.0
+        polar[3] = 1.0 if low > 0.0 else -1.0
+    if high <= zero and low >= -zero:
+        polar[0] = polar[1] = polar[2] = polar[3] = 0.0
+        return NONE
+    if low >= -zero:
+        return FRONT
+    return BACK if high <= zero else MIXED
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _side_along(c, w, polar, g):
-    """Side seen along a cubic edge ``c`` (4, 3) with weights ``w``: coefficients (4,)."""
+def _see_odd(tangents, center, x, polar, values):
+    """How a patch of another kind is seen."""
+    zero = see_tangents(tangents, center, x, values)
+    low, high = values.min(), values.max()
+    polar[0] = polar[1] = polar[2] = 0.0
+    polar[3] = 1.0 if low > -zero else -1.0
+    if high <= zero and low >= -zero:
+        polar[3] = 0.0
+        return NONE
+    if low >= -zero:
+        return FRONT
+    return BACK if high <= zero else ODD
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _sides_on(c, w, polar, g):
+    """Side seen along an edge, as `side_along`, into ``g`` (4,); what is rounding is 0."""
+    g[0], g[1], g[2], g[3], size = side_along(c, w, polar)
     for i in range(4):
-        a = polar[0] * c[i, 0] + polar[1] * c[i, 1] + polar[2] * c[i, 2]
-        b = polar[3] * w[i]
-        value = a + b
         # An edge along the outline itself: what is left of it is rounding.
-        g[i] = 0.0 if abs(value) <= 1e-13 * (abs(a) + abs(b)) else value
+        g[i] = 0.0 if abs(g[i]) <= 1e-13 * size else g[i]
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -128,78 +183,73 @@ def reverse_cubic(c):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _edges_of(b, surfaces, out, count, cuts, more, work):
-    """Add the boundary edges of patch ``b`` at which its sheet ends; −1 where that is not known."""
+def _add_edge(b, side, o, turn, nets, polar, work, breaks, curve, sides, count):
+    """Add the parts of an edge of patch ``b`` at which its sheet ends; −1 for no room.
+
+    ``o`` is the patch beyond it, −1 for none, and ``turn`` is −1 where that faces the other way.
+    """
     own, other, weight = work[0], work[1], work[2]
-    for side in range(4):
-        beyond = surfaces.neighbors[b, side]
-        o = beyond[0]
-        if (
-            o == COLLAPSED
-            or beyond[2] == SMOOTH
-            or (o != FREE and (o < b or (o == b and beyond[1] < side)))
-        ):
-            continue  # no length, or done from the other side
-        if out.state[b] == ODD or (o >= 0 and out.state[o] == ODD):
-            return -1
-        if count + 8 > out.curve.shape[0]:
-            return -1
-        c = out.curve[count]
-        load_edge(out.nets[b], side, c)
-        _edge_weights(out.nets[b], side, weight)
-        _side_along(c, weight, out.polar[b], own)
-        parts = sign_breaks(own[0], own[1], own[2], own[3], cuts)
-        if o >= 0:
-            _side_along(c, weight, out.polar[o], other)
-            turn = 1.0 if beyond[3] > 0 else -1.0
-            for i in range(4):
-                other[i] *= turn
-            extra = sign_breaks(other[0], other[1], other[2], other[3], more)
-            # Sorted into the first list; both begin with 0 and end with 1.
-            for m in range(1, extra - 1):
-                k = parts
-                while k > 0 and cuts[k - 1] > more[m]:
-                    cuts[k] = cuts[k - 1]
-                    k -= 1
-                cuts[k] = more[m]
-                parts += 1
-        for m in range(parts - 1):
-            a, z = cuts[m], cuts[m + 1]
-            if z - a <= 1e-14:
-                continue
-            t = 0.5 * (a + z)
-            front = cubic(own[0], own[1], own[2], own[3], t) > 0.0
-            if o >= 0 and (cubic(other[0], other[1], other[2], other[3], t) > 0.0) == front:
-                continue
-            c = out.curve[count]
-            load_edge(out.nets[b], side, c)
+    cuts, more = breaks[0], breaks[1]
+    if count + 8 > curve.shape[0]:
+        return -1
+    c = curve[count]
+    load_edge(nets[b], side, c)
+    _edge_weights(nets[b], side, weight)
+    _sides_on(c, weight, polar[b], own)
+    parts = sign_breaks(own[0], own[1], own[2], own[3], cuts)
+    if o >= 0:
+        _sides_on(c, weight, polar[o], other)
+        for i in range(4):
+            other[i] *= turn
+        extra = sign_breaks(other[0], other[1], other[2], other[3], more)
+        # Sorted into the first list; both begin with 0 and end with 1.
+        for m in range(1, extra - 1):
+            k = parts
+            while k > 0 and cuts[k - 1] > more[m]:
+                cuts[k] = cuts[k - 1]
+                k -= 1
+            cuts[k] = more[m]
+            parts += 1
+    for m in range(parts - 1):
+        a, z = cuts[m], cuts[m + 1]
+        if z - a <= 1e-14:
+            continue
+        t = 0.5 * (a + z)
+        front = cubic(own[0], own[1], own[2], own[3], t) > 0.0
+        if o >= 0 and (cubic(other[0], other[1], other[2], other[3], t) > 0.0) == front:
+            continue
+        c = curve[count]
+        load_edge(nets[b], side, c)
+        if a > 0.0 or z < 1.0:
             restrict_cubic(c, a, z)
-            if not front:
-                reverse_cubic(c)
-            out.sides[count, 0], out.sides[count, 1] = b, max(o, -1)
-            count += 1
+        if not front:
+            reverse_cubic(c)
+        sides[count, 0], sides[count, 1], sides[count, 2] = b, max(o, -1), -1
+        count += 1
     return count
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _silhouette_of(b, quadric, x, out, count, f, pieces, breaks, ends, work):
+def _silhouette_of(b, quadric, x, out, count):
     """Add the arcs of the silhouette of a quadric patch; −1 where they are not found."""
-    stack = np.empty((3 * _LEVELS + 4, 4, 4, 4))
-    level = np.empty(3 * _LEVELS + 4, dtype=np.int64)
+    stack, level, f, pieces = out.stack, out.level, out.values, out.pieces
     low_u, high_u = np.empty((4, 4, 4)), np.empty((4, 4, 4))
-    stack[0], level[0] = out.nets[b], 0
+    copy_net(out.nets[b], stack[0])
+    level[0] = 0
     top = 1
     while top > 0:
         top -= 1
         low, high, zero = side_values(stack[top], out.polar[b], f)
         if low >= -zero or high <= zero:
             continue
-        made = front_outline(stack[top], x, quadric, f, zero, False, pieces, breaks, ends, work)
+        made = front_outline(
+            stack[top], x, quadric, f, zero, False, pieces, out.breaks[0], out.ends, out.work
+        )
         if made > 0:
             if count >= out.curve.shape[0]:
                 return -1
             out.curve[count] = pieces[0]
-            out.sides[count, 0], out.sides[count, 1] = b, -1
+            out.sides[count, 0], out.sides[count, 1], out.sides[count, 2] = b, -1, -1
             count += 1
             continue
         deep = level[top]
@@ -216,28 +266,170 @@ def _silhouette_of(b, quadric, x, out, count, f, pieces, breaks, ends, work):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def see_outlines(surfaces, cones, quadrics, x, rounding, out):
-    """Find the sides seen from receiver ``x`` and the outlines of all (shifted) surfaces."""
-    f, g = np.empty((4, 4)), np.empty((9, 9))
-    pieces, breaks, more = np.empty((17, 4, 3)), np.empty(8), np.empty(8)
-    ends, work = np.empty((3, 3)), np.empty((9, 4))
-    _see_sides(surfaces, cones, quadrics, x, rounding, out, f, g)
-    count = 0
-    out.whole[:] = True
-    for b in range(surfaces.nets.shape[0]):
-        found = edges = _edges_of(b, surfaces, out, count, breaks, more, work)
-        if found >= 0 and out.state[b] == MIXED:
-            found = _silhouette_of(b, quadrics[b], x, out, found, f, pieces, breaks, ends, work)
-            if found == edges:
-                # Control points on both sides, but no silhouette: one side only after all.
-                side_values(out.nets[b], out.polar[b], f)
-                out.state[b] = FRONT if f[0, 0] + f[0, 3] + f[3, 0] + f[3, 3] > 0.0 else BACK
-        if found < 0:
-            # Nor those of its neighbours, which are found with it.
-            out.whole[b] = False
-            for side in range(4):
-                if surfaces.neighbors[b, side, 0] >= 0:
-                    out.whole[surfaces.neighbors[b, side, 0]] = False
-        else:
-            count = found
+def _cut_region(r, neighbors, regions, x, out):
+    """Find where the silhouette of a region crosses its boundary; False where it is not known."""
+    c, w, quadric = out.pieces[0], out.work[2], regions.quadric[r]
+    nets, polar, breaks, cuts, patch = out.nets, out.polar, out.breaks[0], out.cuts, regions.patch
+    cuts.count[0] = 0
+    for m in range(regions.first[r], regions.first[r + 1]):
+        b = patch[m]
+        for side in range(4):
+            if neighbors[b, side, 0] == COLLAPSED or neighbors[b, side, 2] == SMOOTH:
+                continue
+            load_edge(nets[b], side, c)
+            _edge_weights(nets[b], side, w)
+            if not cut_boundary(r, c, w, polar[b], quadric, x, breaks, cuts):
+                return False
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _corner_signs(patch, first, end, nets, polars):
+    """Whether both sides are seen at corners of a region's patches."""
+    up = down = False
+    for m in range(first, end):
+        b = patch[m]
+        for i in (0, 3):
+            for j in (0, 3):
+                value = polars[b, 3] * nets[b, i, j, 3]
+                for k in range(3):
+                    value += polars[b, k] * nets[b, i, j, k]
+                up = up or value > 0.0
+                down = down or value < 0.0
+    return up and down
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _silhouettes_of(r, neighbors, regions, x, out, count):
+    """Add the silhouette of a region that shows both sides; −1 where it is not found."""
+    first, end, bounded = regions.first[r], regions.first[r + 1], regions.bounded[r]
+    nets, polar, sides, curve = out.nets, out.polar, out.sides, out.curve
+    b = regions.patch[first]
+    out.cuts.count[0] = 0
+    if bounded and not _cut_region(r, neighbors, regions, x, out):
+        return -1
+    inside = not bounded or _corner_signs(regions.patch, first, end, nets, polar)
+    quadric, center = regions.quadric[r], regions.center[r]
+    if regions.kind[r] == ROUND:
+        made = round_arcs(r, inside, quadric, center, x, out.cuts, out.work, curve, count)
+    else:
+        made = ruled_lines(r, quadric, center, polar[b], x, out.cuts, out.work, curve, count)
+        if made == count and inside:
+            return -1
+    for k in range(count, made):
+        sides[k, 0], sides[k, 1], sides[k, 2] = b, -1, r
+    return made
+
+
+@nb.njit(cache=True, error_model="numpy")
+def see_sides(sheet, surfaces, cones, regions, x, n, rounding, out):
+    """Find the sides seen of the patches of a sheet.
+
+    Parameters
+    ----------
+    surfaces, cones, regions
+        Of all patches.
+    x, n, rounding
+        Receiver, its normal, and `contour.horizon_tolerance`.
+    out : Outlines
+        Receives what is found.
+    """
+    out.looked[sheet] = SIDES
+    all_nets, flags, quadrics = surfaces.nets, surfaces.flags, regions.quadric
+    firsts, patch = regions.first, regions.patch
+    nets, polar, state, whole = out.nets, out.polar, out.state, out.whole
+    shifted, low, values = out.shifted, out.low, out.values
+    for r in range(regions.start[sheet], regions.start[sheet + 1]):
+        for m in range(firsts[r], firsts[r + 1]):
+            b = patch[m]
+            is_low(b, all_nets, x, n, rounding, shifted, low, nets)
+            if quadrics[r, 4, 3] != 0.0 or flags[b] & PLANAR:
+                state[b] = _see_side(nets[b], cones[b], quadrics[r], x, rounding, polar[b], values)
+            else:
+                state[b] = _see_odd(
+                    surfaces.tangents[b], surfaces.centers[b], x, polar[b], out.tangents
+                )
+            whole[b] = True
+
+
+@nb.njit(cache=True, error_model="numpy")
+def find_outlines(sheet, surfaces, regions, x, out):
+    """Find the outlines of a sheet of which the sides are known. Parameters as of `see_sides`."""
+    out.looked[sheet] = OUTLINED
+    start, end = regions.start[sheet], regions.start[sheet + 1]
+    neighbors, quadrics = surfaces.neighbors, regions.quadric
+    firsts, patch, kind = regions.first, regions.patch, regions.kind
+    nets, polar, state, whole = out.nets, out.polar, out.state, out.whole
+    work, breaks, curve, sides = out.work, out.breaks, out.curve, out.sides
+    count = out.count[0]
+    for m in range(firsts[start], firsts[end]):
+        b = patch[m]
+        for side in range(4):
+            o = neighbors[b, side, 0]
+            if (
+                o == COLLAPSED
+                or neighbors[b, side, 2] == SMOOTH
+                or (o != FREE and (o < b or (o == b and neighbors[b, side, 1] < side)))
+            ):
+                continue  # no length, no shadow, or done from the other side
+            if o == FREE and state[b] == NONE:
+                continue
+            found = count * 0 - 1
+            if state[b] != ODD and not (o >= 0 and state[o] == ODD):
+                turn = 1.0 if neighbors[b, side, 3] > 0 else -1.0
+                found = _add_edge(b, side, o, turn, nets, polar, work, breaks, curve, sides, count)
+            if found < 0:
+                _forget_about(b, neighbors, whole)
+            else:
+                count = found
+    for r in range(start, end):
+        front = back = False
+        for m in range(firsts[r], firsts[r + 1]):
+            s = state[patch[m]]
+            front = front or s == FRONT or s == MIXED
+            back = back or s == BACK or s == MIXED
+        if not (front and back):
+            continue
+        if kind[r] != PATCHES:
+            found = _silhouettes_of(r, neighbors, regions, x, out, count)
+            if found >= 0:
+                count = found
+                continue
+        for m in range(firsts[r], firsts[r + 1]):
+            b = patch[m]
+            if state[b] != MIXED:
+                continue
+            found = _silhouette_of(b, quadrics[r], x, out, count)
+            if found < 0:
+                _forget_about(b, neighbors, whole)
+            else:
+                _settle(b, found > count, out)
+                count = found
     out.count[0] = count
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _settle(b, mixed, out):
+    """Note that a patch shows one side only, in spite of its control points, unless ``mixed``."""
+    if not mixed:
+        f = out.values
+        side_values(out.nets[b], out.polar[b], f)
+        out.state[b] = FRONT if f[0, 0] + f[0, 3] + f[3, 0] + f[3, 3] > 0.0 else BACK
+
+
+@nb.njit(cache=True, error_model="numpy")
+def side_of(b, quadric, x, out):
+    """How a patch of a known sheet is seen, for sure: not by its control points alone."""
+    if out.state[b] == MIXED:
+        count = out.count[0]
+        _settle(b, _silhouette_of(b, quadric, x, out, count) != count, out)
+    return out.state[b]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _forget_about(b, neighbors, whole):
+    """Note that outlines of a patch, and those of its neighbours found with it, are not known."""
+    whole[b] = False
+    for side in range(4):
+        if neighbors[b, side, 0] >= 0:
+            whole[neighbors[b, side, 0]] = False

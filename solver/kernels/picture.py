@@ -8,6 +8,7 @@ runs to the right, so that the left of a curve is on the other side than on pape
 import math
 
 import numba as nb
+import numpy as np
 
 from .contour import cubic_point
 from .quadric import restrict_cubic
@@ -86,30 +87,47 @@ def mean_normal(s, normal):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def order(s, b, normal):
-    """1 where net ``b`` is beyond patch ``s``, −1 where it is before it, 0 where neither is sure.
-
-    ``normal`` is the mean normal of the patch, turned away from the receiver.
-    """
-    low, high, far = 1e300, -1e300, 0.0
-    b_low, b_high = 1e300, -1e300
+def heights_along(s, normal, reach):
+    """Least and largest height of a net over the receiver along ``normal`` into ``reach`` (2,)."""
+    low, high = 1e300, -1e300
     for i in range(4):
         for j in range(4):
-            d = (normal[0] * s[i, j, 0] + normal[1] * s[i, j, 1] + normal[2] * s[i, j, 2]) / s[
-                i, j, 3
-            ]
-            low, high, far = min(low, d), max(high, d), max(far, abs(d))
-            d = (normal[0] * b[i, j, 0] + normal[1] * b[i, j, 1] + normal[2] * b[i, j, 2]) / b[
-                i, j, 3
-            ]
-            b_low, b_high = min(b_low, d), max(b_high, d)
-    tolerance = 1e-9 * far
+            d = normal[0] * s[i, j, 0] + normal[1] * s[i, j, 1] + normal[2] * s[i, j, 2]
+            d /= s[i, j, 3]
+            low, high = min(low, d), max(high, d)
+    reach[0], reach[1] = low, high
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _order(low, high, reach):
+    """1 where what reaches from ``low`` to ``high`` is beyond the patch, −1 before it, or 0."""
+    tolerance = 1e-9 * max(abs(reach[0]), abs(reach[1]))
     # The receiver is at height 0: a plane beyond the patch has to be beyond the receiver too.
-    if b_low >= max(high, 0.0) - tolerance:
+    if low >= max(reach[1], 0.0) - tolerance:
         return 1
-    if low > 0.0 and b_high <= low + tolerance:
+    if reach[0] > 0.0 and high <= reach[0] + tolerance:
         return -1
     return 0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def order(b, normal, reach):
+    """1 where net ``b`` is beyond a patch, −1 where it is before it, 0 where neither is sure.
+
+    ``normal`` is the mean normal of the patch, turned away from the receiver, and ``reach`` are its
+    `heights_along` it.
+    """
+    own = np.empty(2)
+    heights_along(b, normal, own)
+    return _order(own[0], own[1], reach)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def order_of_sphere(sphere, x, normal, reach):
+    """The same for all that is in a ``sphere`` (4,) seen from receiver ``x``."""
+    d = normal[0] * (sphere[0] - x[0]) + normal[1] * (sphere[1] - x[1])
+    d += normal[2] * (sphere[2] - x[2])
+    return _order(d - sphere[3], d + sphere[3], reach)
 
 
 @nb.njit(cache=True, error_model="numpy")
