@@ -395,13 +395,17 @@ def _rows(
 def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
     """Accuracy for the kernel, which spends fewer digits on patches of a small solid angle.
 
-    It allows 0.05 eps / (r/d)²; here every patch is to have ``accuracy`` of its own factor.
+    It allows 0.05 eps / (r/d)²; here every patch is to have ``accuracy`` of its own factor. None is
+    to be summed over points of its surface: the error of that is a share of the whole hemisphere.
     """
+    from .kernels.edges import AREA_ERROR
+
     smallest = np.inf
     for *center, radius in sources.spheres:
         distance = float(np.linalg.norm(x - center, axis=1).max())
         smallest = min(smallest, radius / max(distance, 1e-300))
-    return float(max(0.1 * accuracy * min(1.0, 20.0 * smallest**2), 1e-13))
+    eps = min(0.1 * accuracy * min(1.0, 20.0 * smallest**2), 0.5 * AREA_ERROR * smallest**2)
+    return float(max(eps, 1e-13))
 
 
 def _estimated(

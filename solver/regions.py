@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .model.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
+    from .kernels.pyramid import Blockers
     from .kernels.regions import Regions
 
 #: Coefficients of one quadric fitted to two of its patches, of size 1, differ by this at most.
@@ -21,24 +22,21 @@ _SINGULAR, _INFINITE = 1e-9, 1e-9
 _SLENDER = 1e-6
 
 
-def make_regions(
-    quadrics: FloatArray, beyond: IntArray, sheet: IntArray, spheres: FloatArray
-) -> Regions:
-    """Regions of patches with ``quadrics`` (p, 5, 4) and ``spheres`` (p, 4) about them.
+def make_regions(quadrics: FloatArray, beyond: IntArray, blockers: Blockers) -> Regions:
+    """Regions of the surfaces ``blockers``, of which ``quadrics`` (p, 5, 4) are fits.
 
-    ``sheet`` (p,) names the sheet of each, ``beyond`` (p, 4, 4) is
-    `kernels.pieces.Surfaces.neighbors`: sides over which the surface goes on smoothly are marked
-    in it, in place.
+    ``beyond`` (p, 4, 4) is `kernels.pieces.Surfaces.neighbors`: sides over which the surface goes
+    on smoothly are marked in it, in place.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     from .kernels.outlines import SMOOTH
-    from .kernels.pieces import COLLAPSED
+    from .kernels.pieces import COLLAPSED, FREE
     from .kernels.regions import PATCHES, ROUND, RULED, Regions
     from .topology import writable
 
-    count = len(quadrics)
+    count, sheet, spheres = len(quadrics), blockers.solid, blockers.spheres
     smooth = _goes_on(quadrics, beyond)
     a, side = np.nonzero(smooth & (beyond[..., 3] > 0))
     links = coo_array((np.ones(len(a)), (a, beyond[a, side, 0])), shape=(count, count))
@@ -77,6 +75,8 @@ def make_regions(
             center[r, 3] = 1.0
     bounded |= kind != ROUND
     sheets = int(sheet.max()) + 1 if count else 0
+    convex = blockers.bulging[:sheets].copy()
+    np.logical_and.at(convex, sheet, (beyond[..., 0] != FREE).all(axis=1))
     around = _spheres_about(spheres, sheet, sheets)
     for r in np.flatnonzero(~bounded):
         if (sheet == sheet[first[r]]).sum() == (of == r).sum():
@@ -89,6 +89,7 @@ def make_regions(
         kind=kind,
         bounded=bounded,
         spheres=around,
+        convex=convex,
         quadric=writable(quadrics[first]),
         center=center,
     )

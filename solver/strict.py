@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .feet import normals_under
-from .model import bezier
 from .model.arrays import FloatArray, IntArray
 from .model.form_factors import FormFactors
 from .surfaces import Receivers
@@ -216,16 +215,11 @@ def tangent_planes(nets: FloatArray) -> tuple[FloatArray, FloatArray]:
 def neighbors(nets: FloatArray, adjacent: IntArray) -> IntArray:
     """What lies beyond each side of each patch: (n, 4, 4) as in `kernels.pieces.Surfaces`."""
     from .kernels.pieces import COLLAPSED, FREE
-    from .topology import NARROW
+    from .topology import NARROW, edge_points
 
     n = len(nets)
     out = np.full((n, 4, 4), FREE, dtype=np.int64)
-    t = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
-    edges = np.empty((n, 4, 4, 3))
-    for k, (u, v) in enumerate(((t, 0 * t), (0 * t + 1, t), (t, 0 * t + 1), (0 * t, t))):
-        bu, bv = bezier.bernstein(u), bezier.bernstein(v)
-        h = np.einsum("ti,tj,pijk->ptk", bu, bv, nets, optimize=True)
-        edges[:, k] = h[..., :3] / h[..., 3:]
+    edges = edge_points(nets)
     extent = np.ptp(edges.reshape(n, -1, 3), axis=1).max(axis=1)
     point = np.abs(edges - edges[:, :, :1]).max(axis=(2, 3)) <= 1e-12 * extent[:, None]
     out[point, 0] = COLLAPSED

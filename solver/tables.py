@@ -72,16 +72,20 @@ def make_edges(
     origin = (nets[..., :3] / nets[..., 3:]).reshape(-1, 3).mean(axis=0)
     rule, weight = gauss_rule(EDGE_NODES)
     length = (unique[:, 4] - unique[:, 3])[:, None]
-    running = unique[:, 3:4] + length * rule
-    fixed = np.repeat(unique[:, 2:3], EDGE_NODES, axis=1)
+    # Both ends behind the nodes.
+    running = unique[:, 3:4] + length * np.append(rule, (0.0, 1.0))
+    fixed = np.repeat(unique[:, 2:3], EDGE_NODES + 2, axis=1)
     is_v = unique[:, :1] == 1.0
     point, su, sv = surface_points(
         patch_nets[unique[:, 1].astype(np.int64)],
         np.where(is_v, fixed, running),
         np.where(is_v, running, fixed),
     )
-    tangent = np.where(is_v[:, :, None], sv, su) * (length * weight)[:, :, None]
-    point = point - origin
+    tangent = np.where(is_v[:, :, None], sv, su)[:, :-2] * (length * weight)[:, :, None]
+    # From afar all of a contour but its area cancels: its tangents are made to sum to nothing.
+    missed = point[:, -1] - point[:, -2] - tangent.sum(axis=1)
+    tangent += missed[:, None] * weight[:, None]
+    point = point[:, :-2] - origin
     moment = np.cross(point, tangent)
     u, v = (
         np.broadcast_to(g.ravel(), (n, EDGE_NODES**2))

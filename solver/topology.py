@@ -81,7 +81,7 @@ def shape_flags(nets: FloatArray) -> IntArray:
     return flags
 
 
-def _edge_keys(nets: FloatArray) -> FloatArray:
+def edge_points(nets: FloatArray) -> FloatArray:
     """End and two inner points (n, 4, 4, 3) of the four boundary edges of each net."""
     t = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
     s = 1.0 - t
@@ -102,7 +102,7 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
     out = np.full((n, 4), -1, dtype=np.int64)
     if n == 0:
         return out
-    points = _edge_keys(nets).reshape(4 * n, 4, 3)
+    points = edge_points(nets).reshape(4 * n, 4, 3)
     extent = float(np.ptp(points.reshape(-1, 3), axis=0).max())
     tolerance = relative * max(extent, 1e-300)
     length = np.linalg.norm(points[:, 3] - points[:, 0], axis=1) + np.linalg.norm(
@@ -136,7 +136,7 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
 
 def watertight(nets: FloatArray, adjacent: IntArray) -> IntArray:
     """Whether each patch (n,) has a neighbour over every side that is not one point."""
-    edges = _edge_keys(nets)
+    edges = edge_points(nets)
     collapsed = np.ptp(edges, axis=2).max(axis=2) <= 1e-12 * np.ptp(edges, axis=(1, 2)).max(
         axis=1, keepdims=True
     )

@@ -51,7 +51,7 @@ def visible_factors(
 
     # Tangent planes of those neither flat nor quadrics only.
     surfaces = see_through(blockers, (blockers.flags & PLANAR == 0) & (quadrics[:, 4, 3] == 0.0))
-    regions = make_regions(quadrics, surfaces.neighbors, surfaces.sheet, blockers.spheres)
+    regions = make_regions(quadrics, surfaces.neighbors, blockers)
     x = receivers.nodes[:, 0]
     values = np.array(plain)
     status = np.zeros(plain.shape, dtype=np.int64)

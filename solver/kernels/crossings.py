@@ -27,6 +27,9 @@ _SHORTEST = 1e-7
 _SAMPLES = 16
 #: Distance, against their length, within which curves run along each other.
 OVERLAP = 1e-9
+#: How close to the ends of both they do so there: ends that are 1e-10 off may cross within the
+#: square root of that.
+_END = 1e-4
 _STACK = 64
 _VISITS = 2000
 
@@ -114,6 +117,21 @@ def _bend(c):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def _apart_across(a, b):
+    """Whether a line along the chord of ``a`` has ``a`` on one side and ``b`` on the other."""
+    x0, y0 = a[0, 0] / a[0, 2], a[0, 1] / a[0, 2]
+    dx, dy = a[3, 0] / a[3, 2] - x0, a[3, 1] / a[3, 2] - y0
+    low, high, b_low, b_high = 0.0, 0.0, 1e300, -1e300
+    for i in range(4):
+        if 0 < i < 3:
+            d = (a[i, 1] / a[i, 2] - y0) * dx - (a[i, 0] / a[i, 2] - x0) * dy
+            low, high = min(low, d), max(high, d)
+        d = (b[i, 1] / b[i, 2] - y0) * dx - (b[i, 0] / b[i, 2] - x0) * dy
+        b_low, b_high = min(b_low, d), max(b_high, d)
+    return b_low > high or b_high < low
+
+
+@nb.njit(cache=True, error_model="numpy")
 def _picture(c, t, out):
     """Point and derivative of the picture at ``t`` into ``out`` (4,)."""
     r = 1.0 - t
@@ -173,6 +191,9 @@ def _bent_crossings(a, b, space, spans, at):
             or box_b[3] < box_a[2]
         ):  # fmt: skip
             continue
+        # Curves that touch, as an edge and the silhouette that ends in it, are apart across only.
+        if _apart_across(ca, cb) or _apart_across(cb, ca):
+            continue
         small = a1 - a0 < _SHORTEST or b1 - b0 < _SHORTEST
         bend = _bend(ca) + _bend(cb)
         if small or bend < _STRAIGHT:
@@ -192,7 +213,7 @@ def _bent_crossings(a, b, space, spans, at):
                         count += 1
                     continue
             if small:
-                if (a0 == 0.0 or a1 == 1.0) and (b0 == 0.0 or b1 == 1.0):
+                if (a0 < _END or a1 > 1.0 - _END) and (b0 < _END or b1 > 1.0 - _END):
                     continue  # one goes on where the other ends
                 return -1
         if top + 2 > _STACK:

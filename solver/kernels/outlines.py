@@ -47,6 +47,7 @@ class Outlines(NamedTuple):
     low: np.ndarray  # (p,) bool: wholly below the horizon
     viewed: np.ndarray  # (s,) bool: whether the view cones of a sheet's patches are known
     looked: np.ndarray  # (s,) what is known of each sheet: `UNKNOWN`, `SIDES`, `OUTLINED`
+    arcs: np.ndarray  # (r,) bool: whether the silhouette of a region is among the curves
     state: np.ndarray  # (p,) `FRONT`, `BACK`, `MIXED`, `ODD`, or `NONE` for edge-on
     polar: np.ndarray  # (p, 4) functional of (H, w) that is positive where the + side is seen
     whole: np.ndarray  # (p,) bool: all curves of the patch are known
@@ -65,7 +66,7 @@ class Outlines(NamedTuple):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def make_outlines(patches, sheets):
+def make_outlines(patches, sheets, regions):
     """Room for so many patches."""
     return Outlines(
         np.empty((patches, 4, 4, 4)),
@@ -73,6 +74,7 @@ def make_outlines(patches, sheets):
         np.zeros(patches, dtype=np.bool_),
         np.zeros(sheets, dtype=np.bool_),
         np.zeros(sheets, dtype=np.int64),
+        np.zeros(regions, dtype=np.bool_),
         np.zeros(patches, dtype=np.int64),
         np.empty((patches, 4)),
         np.zeros(patches, dtype=np.bool_),
@@ -99,6 +101,8 @@ def forget_outlines(out):
     for s in range(out.looked.shape[0]):
         out.viewed[s] = False
         out.looked[s] = UNKNOWN
+    for r in range(out.arcs.shape[0]):
+        out.arcs[r] = False
     out.count[0] = 0
 
 
@@ -322,6 +326,26 @@ def _silhouettes_of(r, neighbors, regions, x, out, count):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def see_ellipsoid(r, b, quadric, center, x, out):
+    """Find the silhouette of region ``r``, a whole ellipsoid with patch ``b``; whether it is known.
+
+    That is all there is to know of it, as long as nothing depends on its single patches.
+    """
+    if not out.arcs[r]:
+        polar_plane(quadric, x, out.polar[b])
+        out.cuts.count[0] = 0
+        count, sides = out.count[0], out.sides
+        made = round_arcs(r, True, quadric, center, x, out.cuts, out.work, out.curve, count)
+        if made < 0:
+            return False
+        for k in range(count, made):
+            sides[k, 0], sides[k, 1], sides[k, 2] = b, -1, r
+        out.count[0] = made
+        out.arcs[r] = True
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy")
 def see_sides(sheet, surfaces, cones, regions, x, n, rounding, out):
     """Find the sides seen of the patches of a sheet.
 
@@ -360,7 +384,7 @@ def find_outlines(sheet, surfaces, regions, x, out):
     neighbors, quadrics = surfaces.neighbors, regions.quadric
     firsts, patch, kind = regions.first, regions.patch, regions.kind
     nets, polar, state, whole = out.nets, out.polar, out.state, out.whole
-    work, breaks, curve, sides = out.work, out.breaks, out.curve, out.sides
+    work, breaks, curve, sides, arcs = out.work, out.breaks, out.curve, out.sides, out.arcs
     count = out.count[0]
     for m in range(firsts[start], firsts[end]):
         b = patch[m]
@@ -390,10 +414,13 @@ def find_outlines(sheet, surfaces, regions, x, out):
             back = back or s == BACK or s == MIXED
         if not (front and back):
             continue
+        if arcs[r]:
+            continue
         if kind[r] != PATCHES:
             found = _silhouettes_of(r, neighbors, regions, x, out, count)
             if found >= 0:
                 count = found
+                arcs[r] = True
                 continue
         for m in range(firsts[r], firsts[r + 1]):
             b = patch[m]

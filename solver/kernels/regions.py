@@ -44,6 +44,8 @@ class Regions(NamedTuple):
         Whether it ends anywhere: else it is a whole ellipsoid.
     spheres : (s, 4) array
         Centre and radius of a sphere about each sheet. [m]
+    convex : (s,) bool array
+        Sheets that are closed convex bodies: their outlines do not cross themselves.
     quadric : (r, 5, 4) array
         As in `quadric.polar_plane`: one for all patches of a region, so that what it cuts out of
         them fits together.
@@ -59,6 +61,7 @@ class Regions(NamedTuple):
     kind: np.ndarray
     bounded: np.ndarray
     spheres: np.ndarray
+    convex: np.ndarray
     quadric: np.ndarray
     center: np.ndarray
 

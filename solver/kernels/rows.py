@@ -215,6 +215,7 @@ def how_to_see(x, own_patch, sources, j, inside, eps):
     front = patch * 0  # not a literal: those would compile the callee once more
     if inside and (patch != own_patch or distance2 > radius2):
         front += ALWAYS_FRONT
-    # What is small needs fewer digits: 0.05 eps of the whole hemisphere is enough.
+    # What is small needs fewer digits, 0.05 eps of the whole hemisphere is enough; but its edges,
+    # each as large as the patch appears, cancel to the square of that.
     bound = radius2 / (distance2 + 1e-300)
-    return front, min(max(eps, 0.05 * eps / bound), 1e-2)
+    return front, min(max(eps, 0.05 * eps / bound), 1e-2) * min(1.0, math.sqrt(bound))

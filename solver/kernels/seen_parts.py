@@ -213,7 +213,7 @@ def _gather_curves(
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _cut_curves(own, made, bulging, curves):
+def _cut_curves(own, made, convex, curves):
     """Find where the curves cross, and which run along each other.
 
     Returns the number of pairs of the latter in ``curves.along``; −1 where it is not known.
@@ -230,8 +230,8 @@ def _cut_curves(own, made, bulging, curves):
         count[m] = 0
     for a in range(made):
         for b in range(max(a + 1, own), made):
-            if sheet[a] == sheet[b] and sheet[a] >= 0 and bulging[sheet[a]]:
-                continue  # the outline of a convex body does not cross itself
+            if sheet[a] == sheet[b] and sheet[a] >= 0 and convex[sheet[a]]:
+                continue
             # Those that run along each other do so to rounding.
             margin = 10.0 * OVERLAP * (size[a] + size[b])
             if (
@@ -282,8 +282,7 @@ def _is_double(m, t, pairs, along, curve, h, work):
 
 @nb.njit(cache=True, error_model="numpy")
 def visible_part(
-    row, net, mixed, quadric, plain, x, n, rounding, eps, hiders, seen, bulging, surfaces, regions,
-    curves,
+    row, net, mixed, quadric, plain, x, n, rounding, eps, hiders, seen, surfaces, regions, curves,
 ):  # fmt: skip
     """Form factor of what is seen of a patch; NaN in doubt.
 
@@ -307,8 +306,6 @@ def visible_part(
         What hides some of it.
     seen : Outlines
         All surfaces, as far as they were looked at.
-    bulging : (s,) bool array
-        Sheets that are convex bodies.
     surfaces, regions
         All surfaces.
     curves : Curves
@@ -328,15 +325,15 @@ def visible_part(
     )  # fmt: skip
     if made < 0:
         return math.nan
-    pairs = _cut_curves(own, made, bulging, curves)
+    pairs = _cut_curves(own, made, regions.convex, curves)
     if pairs < 0:
         return math.nan
     nets, kinds, quadrics, of = surfaces.nets, surfaces.kinds, regions.quadric, regions.of
-    polar, rays, whole, ray = seen.polar, hiders.rays, hiders.whole, curves.ray
+    polar, rays, whole, ray = seen.polar, hiders.listed, hiders.whole, curves.ray
     curve, cuts, count, both, along = (
         curves.curve, curves.cuts, curves.count, curves.both, curves.along,
     )  # fmt: skip
-    number = hiders.count[1]
+    number = hiders.count[0]
     # Without a line across it, all of the patch is hidden or nothing.
     crossed = made > own
     step = min(_BESIDE, max(eps, _BESIDE_LEAST)) * ((box[1] - box[0]) + (box[3] - box[2]))

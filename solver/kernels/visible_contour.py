@@ -28,13 +28,13 @@ from .outlines import (
     forget_outlines,
     is_low,
     make_outlines,
+    see_ellipsoid,
     see_sides,
     side_of,
 )
 from .picture import heights_along, mean_normal, order, order_by_plane, order_of_sphere
 from .pieces import BACK, FRONT, MIXED, NONE
 from .pyramid import make_pyramid, outside_pyramid
-from .regions import ROUND
 from .rows import apart, view_cone
 from .seen_parts import make_curves, visible_part
 
@@ -48,9 +48,8 @@ class Hiders(NamedTuple):
     """Surfaces that hide something of one patch."""
 
     listed: np.ndarray  # (p,)
-    rays: np.ndarray  # (p,) the same for rays: of a whole ellipsoid, one patch stands for all
-    whole: np.ndarray  # (p,) bool: whether each of those does
-    count: np.ndarray  # (2,) numbers of both
+    whole: np.ndarray  # (p,) bool: whether each stands for all patches of an ellipsoid
+    count: np.ndarray  # (1,) number of them
     hides: np.ndarray  # (p,) bool: whether a patch is listed
     casts: np.ndarray  # (r,) bool: regions of which a patch is listed
     odd: np.ndarray  # (r,) bool: regions of which a patch is not, though it may be in the way
@@ -60,9 +59,8 @@ class Hiders(NamedTuple):
 def _make_hiders(patches, regions):
     return Hiders(
         np.empty(patches, dtype=np.int64),
-        np.empty(patches, dtype=np.int64),
         np.zeros(patches, dtype=np.bool_),
-        np.zeros(2, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
         np.zeros(patches, dtype=np.bool_),
         np.zeros(regions, dtype=np.bool_),
         np.zeros(regions, dtype=np.bool_),
@@ -81,8 +79,8 @@ def _beyond_pyramid(planes, sphere, x):
 
 @nb.njit(cache=True, error_model="numpy")
 def _in_way(
-    row, own_patch, flags, cone, planes, narrow, nets, spheres, regions, x, n, rounding, seen,
-    views, sheet_views, near,
+    row, net, own_patch, flags, cone, normal, ordered, sheets, nets, spheres, regions, x, n,
+    rounding, seen, views, sheet_views, planes, reach, near,
 ):  # fmt: skip
     """List the surfaces that may meet the pyramid of the patch; returns how many there are.
 
@@ -92,20 +90,36 @@ def _in_way(
         Receives the view cones of the patches of sheets that may be in the way.
     sheet_views : (s, 7) array
         View cones of all sheets.
+    planes, reach
+        Receive `make_pyramid` and `heights_along` of the patch, if anything may be in the way.
+    near : (p,) int array
+        Receives patches, and −1 − s for a sheet s that is an ellipsoid surely before the patch.
     """
     shifted, low, shifted_nets, viewed = seen.shifted, seen.low, seen.nets, seen.viewed
-    sheet_spheres, start, first, patch = (
-        regions.spheres,
-        regions.start,
-        regions.first,
-        regions.patch,
-    )
+    balls, start, first, patch = regions.spheres, regions.start, regions.first, regions.patch
+    bounded = regions.bounded
     count = own_patch * 0  # not a literal: it would compile the callees once more
+    narrow = known = False
     for s in range(sheet_views.shape[0]):
         if apart(cone, sheet_views[s]):
             continue
-        if narrow and _beyond_pyramid(planes, sheet_spheres[s], x):
-            continue
+        if not known:
+            narrow, known = make_pyramid(net, planes), True
+            heights_along(net, normal, reach)
+        own = s == sheets[row]
+        if not own:
+            if narrow and _beyond_pyramid(planes, balls[s], x):
+                continue
+            before = sheet_views[s, 6] <= cone[5]
+            if ordered and not before:
+                place = order_of_sphere(balls[s], x, normal, reach)
+                before = place < 0
+                if place > 0:
+                    continue
+            if before and not bounded[start[s]]:
+                near[count] = -1 - s
+                count += 1
+                continue
         begin, end = first[start[s]], first[start[s + 1]]
         if not viewed[s]:
             viewed[s] = True
@@ -140,7 +154,7 @@ def _is_inside(sheet, regions, state):
 
 @nb.njit(cache=True, error_model="numpy")
 def _find_hiders(
-    row, net, cone, views, normal, ordered, near, in_way, blockers, surfaces, regions, x, n,
+    row, net, cone, views, normal, reach, ordered, near, in_way, blockers, surfaces, regions, x, n,
     rounding, seen, hiders,
 ):  # fmt: skip
     """List the surfaces that hide something of the patch; −1 where that is not sure.
@@ -150,9 +164,7 @@ def _find_hiders(
     looked, state, nets, whole = seen.looked, seen.state, seen.nets, seen.whole
     sheets, flags, of, cones = surfaces.sheet, surfaces.flags, regions.of, blockers.cones
     bulging, listed, hides = blockers.bulging, hiders.listed, hiders.hides
-    casts, odd = hiders.casts, hiders.odd
-    spheres, reach = blockers.spheres, np.empty(2)
-    heights_along(net, normal, reach)
+    casts, odd, ellipsoid, spheres = hiders.casts, hiders.odd, hiders.whole, blockers.spheres
     sheet = sheets[row]
     if looked[sheet] == UNKNOWN:
         see_sides(sheet, surfaces, cones, regions, x, n, rounding, seen)
@@ -166,6 +178,15 @@ def _find_hiders(
     count = row * 0  # not a literal: it would compile the callees once more
     for k in range(in_way):
         b = near[k]
+        if b < 0:
+            r = regions.start[-1 - b]
+            b = regions.patch[regions.first[r]]
+            if not see_ellipsoid(r, b, regions.quadric[r], regions.center[r], x, seen):
+                return -1
+            casts[r] = ellipsoid[count] = True
+            listed[count] = b
+            count += 1
+            continue
         own = sheets[b]
         if looked[own] == UNKNOWN:
             see_sides(own, surfaces, cones, regions, x, n, rounding, seen)
@@ -194,31 +215,10 @@ def _find_hiders(
         if not whole[b]:
             return -1
         hides[b] = casts[of[b]] = True
-        listed[count] = b
+        listed[count], ellipsoid[count] = b, False
         count += 1
     hiders.count[0] = count
-    hiders.count[1] = _list_rays(
-        count, listed, of, regions.kind, regions.bounded, odd, casts, hiders.rays, hiders.whole
-    )
     return count
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _list_rays(count, listed, of, kind, bounded, odd, casts, rays, whole):
-    """List what rays are to be tried against; returns how many patches there are."""
-    number = count * 0  # not a literal: it would compile the callees once more
-    for m in range(count):
-        r = of[listed[m]]
-        whole[number] = kind[r] == ROUND and not bounded[r] and not odd[r]
-        if whole[number]:
-            if not casts[r]:
-                continue
-            casts[r] = False  # listed
-        rays[number] = listed[m]
-        number += 1
-    for m in range(count):
-        casts[of[listed[m]]] = True
-    return number
 
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
@@ -251,11 +251,12 @@ def contour_rows(
     """
     p, m, sheets = surfaces.nets.shape[0], nodes.shape[0], regions.start.shape[0] - 1
     for chunk in nb.prange((m + _CHUNK - 1) // _CHUNK):
-        seen, curves = make_outlines(p, sheets), make_curves()
+        seen, curves = make_outlines(p, sheets, regions.kind.shape[0]), make_curves()
         hiders = _make_hiders(p, regions.kind.shape[0])
         views, sheet_views = np.empty((p, 7)), np.empty((sheets, 7))
         near, net = np.empty(p, dtype=np.int64), np.empty((4, 4, 4))
         cone, planes, normal = np.empty(7), np.empty((6, 3)), np.empty(3)
+        reach = np.empty(2)
         for i in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, m)):
             x, n = nodes[i], normals[i]
             any_lit = False
@@ -285,16 +286,16 @@ def contour_rows(
                 row = place[j]
                 view_cone(x, spheres[j], cone)
                 shift_net(nets[j], x, net)
-                narrow = make_pyramid(net, planes)
+                ordered = mean_normal(net, normal)
                 in_way = _in_way(
-                    row, on[i], flags[j], cone, planes, narrow, surfaces.nets, blockers.spheres,
-                    regions, x, n, rounding, seen, views, sheet_views, near,
+                    row, net, on[i], flags[j], cone, normal, ordered, surfaces.sheet,
+                    surfaces.nets, blockers.spheres, regions, x, n, rounding, seen, views,
+                    sheet_views, planes, reach, near,
                 )  # fmt: skip
                 if in_way == 0:
                     continue
-                ordered = mean_normal(net, normal)
                 count = _find_hiders(
-                    row, net, cone, views, normal, ordered, near, in_way, blockers, surfaces,
+                    row, net, cone, views, normal, reach, ordered, near, in_way, blockers, surfaces,
                     regions, x, n, rounding, seen, hiders,
                 )  # fmt: skip
                 if count == 0:
@@ -305,7 +306,7 @@ def contour_rows(
                     continue
                 factor = visible_part(
                     row, net, state == MIXED, source_quadrics[j], plain[i, j], x, n, rounding,
-                    eps, hiders, seen, blockers.bulging, surfaces, regions, curves,
+                    eps, hiders, seen, surfaces, regions, curves,
                 )  # fmt: skip
                 slack = eps * plain[i, j] + 1e-12
                 # That no part bounds what is seen does not prove that all is hidden.
