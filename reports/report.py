@@ -121,7 +121,9 @@ def render_report(
         "stage_total": sum(result.stages.values()),
         "skipped": list(result.skipped.items()),
         "counters": [(k.replace("_", " "), n) for k, n in result.counters.items()],
-        "settings": [(k.replace("_", " "), formats.setting(formats.plain(v))) for k, v in settings.items()],
+        "settings": [
+            (k.replace("_", " "), formats.setting(formats.plain(v))) for k, v in settings.items()
+        ],
         "libraries": library_versions(),
         "cores": os.cpu_count(),
         "config": config,
