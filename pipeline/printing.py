@@ -65,7 +65,11 @@ def accuracy_message(result: Result) -> str:
         grid = result.sensors[name]
         worst = int(np.argmax(_relative_errors(grid)))
         found = console(with_error(grid.illuminance_lx[worst], grid.error_lx[worst]))
-        x, y, z = (f"{float(c):.4g}" for c in grid.points[worst])
+        # Sensors stand a little before their surface: no digits of that.
+        extent = float(np.ptp(grid.points, axis=0).max())
+        x, y, z = (
+            "0" if abs(c) <= 1e-4 * extent else f"{c:.4g}" for c in grid.points[worst].tolist()
+        )
         missed.append(f"{name} {_rounded_up(reached)}, worst {found} lx at ({x}, {y}, {z}) m")
     return f"accuracy {asked:g} was not reached: " + "; ".join(missed)
 

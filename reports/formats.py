@@ -27,19 +27,40 @@ def number(value: float | None, digits: int = 3) -> str:
     magnitude = math.floor(math.log10(abs(value)))
     if magnitude >= 9 or magnitude < -4:
         return scientific(value, digits)
-    decimals = digits - 1 - magnitude
-    rounded = round(value, decimals)
+    places = digits - 1 - magnitude
+    rounded = round(value, places)
     if abs(rounded) >= 10.0 ** (magnitude + 1):  # 9.996 becomes 10.0, not 10.00
-        decimals -= 1
-    return grouped(rounded, max(decimals, 0))
+        places -= 1
+    return grouped(rounded, max(places, 0))
 
 
-def grouped(value: float, decimals: int) -> str:
-    """Fixed ``decimals`` with groups of three digits from 10 000 on."""
-    text = f"{value:,.{decimals}f}" if abs(value) >= 9999.5 else f"{value:.{decimals}f}"
+def grouped(value: float, places: int) -> str:
+    """Fixed decimal ``places`` with groups of three digits from 10 000 on."""
+    text = f"{value:,.{places}f}" if abs(value) >= 9999.5 else f"{value:.{places}f}"
     if float(text.replace(",", "")) == 0.0:
         text = text.lstrip("-")
     return text.replace(",", _GROUP).replace("-", "−")
+
+
+def decimals(value: float, digits: int) -> int:
+    """Decimal places that show ``value`` with ``digits`` significant digits, if need be none."""
+    if not math.isfinite(value) or abs(value) < NEGLIGIBLE:
+        return 0
+    return max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+
+
+def addend(value: float, places: int) -> str:
+    """``value`` with the decimal places of a sum it belongs to; two digits where it is tiny there.
+
+    What is below `NEGLIGIBLE` is shown as 0.
+    """
+    if not math.isfinite(value):
+        return MISSING
+    if abs(value) < NEGLIGIBLE:
+        return "0"
+    if abs(value) < 10.0 ** (1 - places):
+        return number(value, 2)
+    return grouped(value, places)
 
 
 def scientific(value: float | None, digits: int = 2) -> str:
@@ -70,10 +91,10 @@ def with_error(value: float | None, error: float | None = None, *, digits: int =
     tens, magnitude = math.ceil(float(mantissa) * 10.0 - 1e-6), int(exponent)
     if tens == 100:  # 9.96 becomes 10, not 10.0
         tens, magnitude = 10, magnitude + 1
-    decimals = 1 - magnitude
-    value, error = round(value, decimals), tens * 10.0**-decimals
-    decimals = max(decimals, 0)
-    return f"{grouped(value, decimals)} ± {grouped(error, decimals)}"
+    places = 1 - magnitude
+    value, error = round(value, places), tens * 10.0**-places
+    places = max(places, 0)
+    return f"{grouped(value, places)} ± {grouped(error, places)}"
 
 
 def console(text: str) -> str:
@@ -104,6 +125,11 @@ def length(metres: float | None) -> str:
         if abs(metres) * factor >= 1.0:
             return f"{number(metres * factor, 3)} {unit}"
     return "< 1 nm"
+
+
+def coordinate(metres: float, extent: float, digits: int = 3) -> str:
+    """A coordinate [m]; 0 where it is nothing against the ``extent`` [m] of what it places."""
+    return "0" if abs(metres) <= 1e-4 * extent else number(metres, digits)
 
 
 def angle(degrees: float | None) -> str:

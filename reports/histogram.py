@@ -9,7 +9,7 @@ import numpy as np
 from patchlight.solver.model import SensorResult
 
 from . import figures
-from .levels import pale, scale_for
+from .levels import level_text, pale, scale_for
 from .metrics import RequirementResult
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ def histogram_figure(
             .replace("E_max", "$E_{max}$"),
             transform=axes.get_xaxis_transform(), size=7, color=color, ha="center", va="bottom",
         )  # fmt: skip
+    axes.xaxis.set_major_formatter(lambda x, _: level_text(x))
     for a in (axes, curve):
         a.tick_params(labelsize=7, length=2.5, width=0.5)
         a.spines["top"].set_visible(False)

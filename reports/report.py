@@ -121,7 +121,9 @@ def render_report(
         "stage_total": sum(result.stages.values()),
         "skipped": list(result.skipped.items()),
         "counters": [(k.replace("_", " "), n) for k, n in result.counters.items()],
-        "settings": [(k, formats.setting(formats.plain(v))) for k, v in settings.items()],
+        "settings": [
+            (k.replace("_", " "), formats.setting(formats.plain(v))) for k, v in settings.items()
+        ],
         "libraries": library_versions(),
         "cores": os.cpu_count(),
         "config": config,
@@ -188,12 +190,12 @@ def _grid_facts(grid: SensorResult) -> str:
     n = len(points)
     parts = [f"{formats.count(n)} point{'s' if n != 1 else ''}"]
     z = points[:, 2]
+    extent = float(np.ptp(points, axis=0).max())
+    low, high = (formats.coordinate(float(end), extent) for end in (z.min(), z.max()))
     if float(np.ptp(z)) <= 1e-6 * max(1.0, float(np.abs(z).max())):
-        parts.append(f"height {formats.number(float(z[0]), 3)} m")
+        parts.append(f"height {low} m")
     else:
-        parts.append(
-            f"heights {formats.number(float(z.min()))} to {formats.number(float(z.max()))} m"
-        )
+        parts.append(f"heights {low} to {high} m")
     mean = np.asarray(grid.normals).mean(axis=0)
     if mean[2] > 0.999:
         parts.append("facing up")

@@ -118,12 +118,13 @@ def component_rows(grid: SensorResult) -> list[dict[str, str]]:
     whole = values["E_avg_lx"]
     rows = [(group, v["direct"], v["indirect"]) for group, v in means.items()]
     rows.append(("all", sum(r[1] for r in rows), sum(r[2] for r in rows)))
+    place = f.decimals(whole, 4)
     return [
         {
             "group": group,
-            "direct": f.with_error(direct, digits=3),
-            "indirect": f.with_error(indirect, digits=3),
-            "total": f.with_error(direct + indirect, digits=3),
+            "direct": f.addend(direct, place),
+            "indirect": f.addend(indirect, place),
+            "total": f.addend(direct + indirect, place),
             "share": _share((direct + indirect) / whole) if whole > 0.0 else f.MISSING,
         }
         for group, direct, indirect in rows

@@ -16,6 +16,16 @@ MAX_ELEMENTS = 4000
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
 NODES = 2
 
+#: Wall-clock time on two cores: half of the CPU time of each stage of the demo office (accuracy 0.3
+#: to 0.02) and of a room with one lamp (0.02 and 0.005), the larger per unit of both scenes. [s]
+_START = 0.5
+#: A pair of node and element, with the comparison with a coarser mesh: 0.2 … 0.3 µs.
+_PAIR = 3e-7
+#: A sensor, times the accuracy: lamps and surfaces, and besides them the sky.
+_SENSOR, _SENSOR_SKY = 2.5e-4, 1.2e-3
+#: A pixel of a camera: 2 µs on one core, the picture's file not counted.
+_PIXEL = 1.5e-6
+
 
 @dataclass(frozen=True, slots=True)
 class Budget:
@@ -137,13 +147,12 @@ class Budget:
         }
 
     def seconds(self, scene: SceneData) -> float:
-        """Rough wall-clock time on two cores. [s]
+        """Rough wall-clock time on two idle cores, without compiling. [s]
 
-        From runs on a furnished room and on a machine part (0.05): 1 µs a pair of node and element
-        with the comparison with a coarser mesh, 40 ms a sensor that may see the sky.
+        A mesh that is refined because the accuracy is not reached takes as much again or more.
         """
-        time = 1.0 + 1e-6 * float(self.receivers) * self.elements
-        if scene.sky is not None:
-            time += 0.04 * sum(len(grid) for grid in scene.sensors)
+        pairs = float(self.receivers) * self.elements
+        sensor = _SENSOR if scene.sky is None else _SENSOR + _SENSOR_SKY
+        sensors = sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
-        return time + 6e-6 * pixels
+        return _START + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels

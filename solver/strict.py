@@ -122,7 +122,8 @@ def touched(
     from .topology import bounding_spheres
 
     beside = np.where(on[:, None] >= 0, surfaces.neighbors[on, :, 0], -1)
-    rows = np.concatenate([on[:, None], beside], axis=1)
+    # A collapsed side has no neighbour either, and says so by another number.
+    rows = np.concatenate([on[:, None], np.maximum(beside, -1)], axis=1)
     for k in range(1, 5):  # a closed surface of one or two patches is beside itself
         rows[(rows[:, :k] == rows[:, k, None]).any(axis=1), k] = -1
     bent = (rows >= 0) & ((surfaces.flags[rows] & (CONVEX | CONCAVE)) != 0)

@@ -149,22 +149,28 @@ def _curve_order(c, a, b, log_eps):
     gx = e0 * (c[1, 0] - c[0, 0]) + e1 * (c[2, 0] - c[1, 0]) + e2 * (c[3, 0] - c[2, 0])
     gy = e0 * (c[1, 1] - c[0, 1]) + e1 * (c[2, 1] - c[1, 1]) + e2 * (c[3, 1] - c[2, 1])
     gz = e0 * (c[1, 2] - c[0, 2]) + e1 * (c[2, 2] - c[1, 2]) + e2 * (c[3, 2] - c[2, 2])
+    mx, my, mz = hy * gz - hz * gy, hz * gx - hx * gz, hx * gy - hy * gx
+    turn2 = mx * mx + my * my + mz * mz
+    ga, reach_a = _length_and_reach(c, a, hx, hy, hz)
+    gb, reach_b = _length_and_reach(c, b, hx, hy, hz)
+    # Near a cusp the tangent at the middle says nothing of where the curve goes. (Directions that
+    # differ by less than 1e-8 are one.)
+    h2 = hx * hx + hy * hy + hz * hz
+    if max(reach_a, reach_b) > 2.5 * half * half * turn2 + 1e-16 * h2 * ga * ga:
+        return 99
     speed2 = gx * gx + gy * gy + gz * gz
     if speed2 == 0.0:
         return 3
     foot = -(hx * gx + hy * gy + hz * gz) / speed2 / half
-    mx, my, mz = hy * gz - hz * gy, hz * gx - hx * gz, hx * gy - hy * gx
-    away = math.sqrt(mx * mx + my * my + mz * mz) / speed2 / half
+    away = math.sqrt(turn2) / speed2 / half
     away2 = away * away
     big = 0.5 * (math.sqrt((foot - 1.0) ** 2 + away2) + math.sqrt((foot + 1.0) ** 2 + away2))
     rho = big + math.sqrt(max(big * big - 1.0, 0.0))
     # Far away the integrand's pole is where |H|, then the weight, would vanish: estimated from its
     # slope and its bend over the interval.
-    ga = _cubic_length(c, a)
-    gb = _cubic_length(c, b)
     mean = 0.5 * (ga + gb)
     slope = 0.5 * abs(gb - ga) / mean
-    bend = abs(1.0 - math.sqrt(hx * hx + hy * hy + hz * hz) / mean)
+    bend = abs(1.0 - math.sqrt(h2) / mean)
     if slope > 1e-3:
         rho = min(rho, 1.0 / slope + math.sqrt(max(1.0 / (slope * slope) - 1.0, 0.0)))
     if bend > 1e-6:
@@ -176,12 +182,13 @@ def _curve_order(c, a, b, log_eps):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _cubic_length(c, t):
-    """|H(t)|."""
+def _length_and_reach(c, t, hx, hy, hz):
+    """|H(t)|, and |H(t) × h|² with another point of the curve."""
     x = cubic(c[0, 0], c[1, 0], c[2, 0], c[3, 0], t)
     y = cubic(c[0, 1], c[1, 1], c[2, 1], c[3, 1], t)
     z = cubic(c[0, 2], c[1, 2], c[2, 2], c[3, 2], t)
-    return math.sqrt(x * x + y * y + z * z)
+    mx, my, mz = y * hz - z * hy, z * hx - x * hz, x * hy - y * hx
+    return math.sqrt(x * x + y * y + z * z), mx * mx + my * my + mz * mz
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from patchlight.reports import evaluate_requirements, figures, write_batch_summary
-from patchlight.reports.formats import console, number, with_error
+from patchlight.reports.formats import addend, console, coordinate, decimals, number, with_error
 from patchlight.reports.lattice import find_lattice, smooth_field
 from patchlight.reports.levels import scale_for
 from patchlight.reports.metrics import verdict
@@ -94,6 +94,25 @@ def test_numbers_have_sensible_digits() -> None:
     assert [number(v) for v in values] == [
         "0", "10.0", "1\u202f230\u202f000", "0.000123", "2.00·10⁻⁷", "−3.50", "–",
     ]  # fmt: skip
+
+
+def test_parts_of_a_sum_have_its_decimals() -> None:
+    """They add up as shown; what would vanish keeps two digits."""
+    assert [addend(v, decimals(9864.2, 4)) for v in (9805.8, 58.4, 9864.2)] == [
+        "9806",
+        "58",
+        "9864",
+    ]
+    places = decimals(46.67, 4)
+    assert [addend(v, places) for v in (45.73, 0.941, 46.67)] == ["45.73", "0.94", "46.67"]
+    assert [addend(v, 1) for v in (0.0, 1e-9, 0.00041)] == ["0", "0", "0.00041"]
+
+
+def test_coordinates_that_are_rounding_are_zero() -> None:
+    """A sensor stands a little before its face, far less than the grid is wide."""
+    shown = [coordinate(c, 0.05, 4) for c in (2.5e-7, -0.0123456, 0.0)]
+    assert shown == ["0", "−0.01235", "0"]
+    assert coordinate(0.75, 0.0) == "0.750"  # a single point
 
 
 @pytest.mark.parametrize("low", [1e-3, 0.3, 5.0, 90.0, 480.0, 3e4])

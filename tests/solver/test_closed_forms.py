@@ -211,7 +211,7 @@ def test_equal_parallel_rectangles(a, b, c):
 
 
 def test_perpendicular_unit_squares_with_a_common_edge():
-    """0.2000437761, from the closed form with H = W = 1; the receiver's factor is only C0."""
+    """0.2000437761, from the closed form with H = W = 1."""
     wall = rectangle((0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0)).flipped()
     floor = rectangle((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))
     points, normals, weights = area_rule(floor.refined().refined(), 8)
@@ -220,7 +220,8 @@ def test_perpendicular_unit_squares_with_a_common_edge():
         2 * atan(1) - math.sqrt(2) * atan(1 / math.sqrt(2)) + 0.25 * math.log(0.75)
     ) / math.pi
     assert expected == pytest.approx(0.2000437761, abs=1e-10)
-    assert found == pytest.approx(expected, abs=1e-7)
+    # 8 Gauss points a side of 16 squares: rounding, as the factor stays smooth up to the edge.
+    assert found == pytest.approx(expected, abs=ROUNDING)
 
 
 @pytest.mark.parametrize(
@@ -231,7 +232,8 @@ def test_coaxial_disks(r1, r2, h):
     points, normals, weights = area_rule(PatchSet.disk((0, 0, 0), r1, UP), 10)
     source = PatchSet.disk((0, 0, h), r2, (0, 0, -1))
     found = seen(source, points, normals) @ weights / weights.sum()
-    assert found == pytest.approx(coaxial_disks(r1, r2, h), abs=1e-8)
+    # 10 Gauss points a direction leave 1e-11 of a factor that is smooth over the distance h.
+    assert found == pytest.approx(coaxial_disks(r1, r2, h), abs=CURVED)
 
 
 @pytest.mark.parametrize(("radius", "height"), [(1.0, 1.6), (3.0, 2.0)])
@@ -254,7 +256,7 @@ def test_inside_a_sphere_every_part_counts_by_its_area():
         setup(Body(shell)), points[pick], normals[pick], on_patch=on_patch, trace=False
     ).factors
     expected = shell.areas() / (4 * math.pi * 1.7**2)
-    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-8)
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=CURVED)
 
 
 def test_hemisphere_sees_itself_by_half():
@@ -263,14 +265,15 @@ def test_hemisphere_sees_itself_by_half():
     points, normals, _ = area_rule(bowl, 4)
     on_patch = np.repeat(np.arange(4), 16)
     found = seen(Body(bowl, False), points, normals, on_patch=on_patch)
-    np.testing.assert_allclose(found, 0.5, atol=1e-8)
+    np.testing.assert_allclose(found, 0.5, atol=CURVED)
 
 
 def test_base_of_a_hemisphere_sees_nothing_else():
     vault = PatchSet.sphere((0, 0, 0), 2.0, inward=True).take(range(4, 8))
     points = [(0, 0, 0), (1.2, 0.3, 0), (0, -1.9, 0), (1.9999, 0, 0)]
     found = seen(Body(vault, False), points, UP)
-    np.testing.assert_allclose(found, 1.0, atol=1e-9)
+    # The rim lies in the horizon, where only an angle is added up.
+    np.testing.assert_allclose(found, 1.0, atol=ROUNDING)
 
 
 def test_cylinder_seen_along_a_normal_through_its_end():

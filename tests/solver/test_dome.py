@@ -54,7 +54,8 @@ def test_uniform_ground_at_every_tilt():
 def test_sky_and_ground_of_one_luminance_are_all_there_is():
     rng = np.random.default_rng(1)
     found = dome(SKY_AND_GROUND, np.zeros((20, 3)), rng.normal(size=(20, 3)), 100.0)
-    np.testing.assert_allclose(found.illuminance, 100.0 * math.pi, rtol=1e-8)
+    # The contours of the two cancel on the horizon, and are exact beyond it: rounding.
+    np.testing.assert_allclose(found.illuminance, 100.0 * math.pi, rtol=1e-13)
 
 
 def test_place_in_the_scene_does_not_matter():
@@ -66,7 +67,8 @@ def test_place_in_the_scene_does_not_matter():
 def test_overcast_vertical_over_horizontal():
     """3/14 + 4/(7π), the classical ratio of the traditional overcast sky."""
     found = dome(SKY, np.zeros((2, 3)), [UP, (0, 1, 0)], CIESky(16)).illuminance
-    assert found[1] / found[0] == pytest.approx(3 / 14 + 4 / (7 * math.pi), abs=1e-5)
+    # 2 x 2 points in cells of 8 degrees: (0.07)⁴ / 30 of a luminance that varies threefold.
+    assert found[1] / found[0] == pytest.approx(3 / 14 + 4 / (7 * math.pi), abs=2e-6)
 
 
 @pytest.mark.parametrize("number", range(1, 17))
@@ -89,7 +91,8 @@ def test_peaked_skies_on_tilted_planes(number):
     sky = CIESky(number, sun_altitude_deg=35.0, sun_azimuth_deg=60.0, zenith_luminance_cd_m2=1.0)
     normals = tilted(np.radians([20.0, 60.0, 90.0]), azimuth=math.radians(80.0))
     found = dome(SKY, np.zeros((3, 3)), normals, sky).illuminance
-    np.testing.assert_allclose(found, illuminances(sky, normals), rtol=1e-3)
+    # As on the horizontal.
+    np.testing.assert_allclose(found, illuminances(sky, normals), rtol=5e-4)
 
 
 @pytest.mark.parametrize("altitude", [5.0, 40.0, 89.9, 90.0])
@@ -100,8 +103,8 @@ def test_sun_on_planes_that_see_all_of_it(altitude):
     s = np.array(direction(altitude, 215.0))
     for normal in (s, np.array(UP), (s + np.array(UP)) / np.linalg.norm(s + np.array(UP))):
         found = dome(sun_cells(sun), ORIGIN, normal, luminance).illuminance[0]
-        # 2e-4: see the closed forms of disks at infinity, which ask for 1e-9.
-        assert found == pytest.approx(80_000.0 * float(s @ normal), rel=2e-4)
+        # As asked of the contour.
+        assert found == pytest.approx(80_000.0 * float(s @ normal), rel=1e-9)
 
 
 def test_sun_on_grazing_planes():
@@ -113,7 +116,7 @@ def test_sun_on_grazing_planes():
     normals = np.sin(angles)[:, None] * s + np.cos(angles)[:, None] * across
     found = dome(sun_cells(sun), np.zeros((4, 3)), normals).factor
     expected = math.sin(math.radians(16 / 60)) ** 2 * np.sin(angles)
-    np.testing.assert_allclose(found, expected, rtol=1e-4)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)  # as asked of the contour
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, 1.1, 2.0])
@@ -129,8 +132,8 @@ def test_half_of_the_sun_behind_a_straight_edge(turn):
     sheet = PatchSet.from_bilinear(np.array([[a, b, b + 5 * across, a + 5 * across]]))
     disk = math.sin(math.radians(16 / 60)) ** 2
     found = dome(sun_cells(sun), ORIGIN, s, parts=setup(sheet), cell_eps=1e-4 * disk).factor[0]
-    # Cells of 1e-4 of the disk, cut in rows: 1e-4 of it a cell on an edge of 100 cells.
-    assert found == pytest.approx(0.5 * disk, abs=2e-3 * disk)
+    # A hundred cells of 1e-4 of the disk on the edge, each sampled with a deviation of 0.2.
+    assert found == pytest.approx(0.5 * disk, abs=2e-4 * disk)
 
 
 @pytest.mark.parametrize("distance", [-1.0, -0.5, 0.2, 0.7])
@@ -143,7 +146,8 @@ def test_penumbra_is_a_circular_segment(distance):
     disk = math.sin(math.radians(16 / 60)) ** 2
     found = dome(sun_cells(sun), ORIGIN, UP, parts=setup(sheet), cell_eps=1e-4 * disk).factor[0]
     expected = (math.acos(distance) - distance * math.sqrt(1 - distance**2)) / math.pi
-    assert found == pytest.approx(expected * disk, abs=2e-3 * disk)
+    # As above.
+    assert found == pytest.approx(expected * disk, abs=2e-4 * disk)
 
 
 def test_sun_behind_a_wall_is_dark():

@@ -31,7 +31,9 @@ def test_furnace(body):
 def test_sphere_cavity(rho):
     """All points of a sphere see all others alike: the mean is exact for any light in it."""
     result = solve(furnace(SPHERE, rho), accuracy=0.05)
-    np.testing.assert_allclose(result.exitance, 100.0 / (1 - rho), rtol=1e-3)
+    # 1.5e-4 is asked of unoccluded factors; a row's error comes back ρ / (1 − ρ) times.
+    np.testing.assert_allclose(result.row_sums, 1.0, atol=5e-5)
+    np.testing.assert_allclose(result.exitance, 100.0 / (1 - rho), rtol=5e-5 * rho / (1 - rho))
 
 
 @pytest.mark.parametrize("rho", [0.3, 0.9])
@@ -41,9 +43,10 @@ def test_sphere_with_one_lit_octant_has_a_uniform_indirect_part(rho):
     parts = type(parts)(parts.patches, parts.closed, np.array([1, 0, 0, 0, 0, 0, 0, 0]))
     result = solve(scene(parts, rho=rho, lamps=[(1, "lamp", 800.0)]), accuracy=0.1)
     direct, indirect = result.components["lamp.direct"], result.components["lamp.indirect"]
-    # Form factors are asked to 1e-3 each here, and a few of the nearest make up the direct light.
-    np.testing.assert_allclose(direct, 100.0, rtol=5e-3)
-    np.testing.assert_allclose(indirect, 100.0 * rho / (1 - rho), rtol=5e-3)
+    # 3e-3 is asked of form factors here, and a few of the nearest make up the direct light; the
+    # indirect light comes by whole rows.
+    np.testing.assert_allclose(direct, 100.0, rtol=3e-3)
+    np.testing.assert_allclose(indirect, 100.0 * rho / (1 - rho), rtol=1e-4)
 
 
 def test_coloured_furnace_is_solved_band_by_band():
@@ -51,7 +54,8 @@ def test_coloured_furnace_is_solved_band_by_band():
     result = solve(furnace(BOX, rho), accuracy=0.1)
     assert result.exitance.shape[1] == 3
     for band, r in enumerate(rho):
-        np.testing.assert_allclose(result.exitance[:, band], 100.0 / (1 - r), rtol=1e-3)
+        # Straight edges are exact: what GMRES leaves, 1e-9 of the source, at reflectance 0.8.
+        np.testing.assert_allclose(result.exitance[:, band], 100.0 / (1 - r), rtol=1e-7)
 
 
 def test_two_concentric_spheres():
@@ -67,10 +71,11 @@ def test_two_concentric_spheres():
     b2 = 100.0 / (1 - 0.4 * (f21 * 0.7 + 1 - f21))
     part = result.surfaces["part1"]
     mean = np.average(part.exitance_lm_m2, weights=part.area_m2)
-    assert mean == pytest.approx(b2, rel=5e-3)
+    # Errors of single factors are 1e-2 and more; in means what is left is that of whole rows.
+    assert mean == pytest.approx(b2, rel=2e-4)
     part = result.surfaces["part0"]
     assert np.average(part.exitance_lm_m2, weights=part.area_m2) == pytest.approx(
-        0.7 * b2, rel=5e-3
+        0.7 * b2, rel=2e-4
     )
 
 
@@ -96,6 +101,7 @@ def test_balance_closes():
     lamp = ceiling(-0.5, 0.5, -0.5, 0.5, 1.3)
     result = solve(scene(setup(BOX, lamp), lamps=[(1, "lamp", 3000.0)]), accuracy=0.05)
     assert result.balance.emitted_lm == pytest.approx(3000.0, rel=1e-9)
+    # More is warned of.
     assert abs(result.balance.residual_fraction) < 1e-3
 
 
@@ -120,7 +126,8 @@ def test_open_scenes_may_reflect_everything():
     floor = ceiling(-1, 1, -1, 1, 0.0).flipped()
     result = solve(scene(setup(plate, floor), rho=1.0, lamps=[(0, "lamp", 100.0)]), accuracy=0.2)
     assert np.isfinite(result.exitance).all()
-    assert result.balance.escaped_lm == pytest.approx(400.0, rel=0.02)
+    # Nothing is absorbed: whatever the form factors, all that was emitted. GMRES leaves 1e-9.
+    assert result.balance.escaped_lm == pytest.approx(400.0, rel=1e-8)
 
 
 def test_disconnected_rooms_do_not_touch():
@@ -129,8 +136,9 @@ def test_disconnected_rooms_do_not_touch():
         scene(setup(*rooms), materials=[0.5, 0.8], lamps=[(0, "left", 100.0), (1, "right", 10.0)]),
         accuracy=0.2,
     )
-    np.testing.assert_allclose(result.surfaces["part0"].exitance_lm_m2, 200.0, rtol=1e-3)
-    np.testing.assert_allclose(result.surfaces["part1"].exitance_lm_m2, 50.0, rtol=1e-3)
+    # Furnaces: what closing the rows leaves, measured 3e-5.
+    np.testing.assert_allclose(result.surfaces["part0"].exitance_lm_m2, 200.0, rtol=1e-4)
+    np.testing.assert_allclose(result.surfaces["part1"].exitance_lm_m2, 50.0, rtol=1e-4)
 
 
 def test_system_by_hand():
@@ -153,7 +161,8 @@ def test_black_receivers_need_no_products():
 def test_closed_matrix(rho):
     factors = np.full((50, 50), 1 / 50)
     out, _ = solve_radiosity(factors, np.full((50, 1), rho), {"a": np.ones((50, 1))})
-    np.testing.assert_allclose(out["a"], rho / (1 - rho), rtol=1e-6)
+    # GMRES leaves 1e-9 of the source, which comes back 1 / (1 − ρ) times.
+    np.testing.assert_allclose(out["a"], rho / (1 - rho), rtol=1e-9 / (1 - rho))
 
 
 def test_share_sent_on():

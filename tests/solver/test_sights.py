@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from patchlight.solver.exchange import Scan, form_factor_matrix, make_sources
+from patchlight.solver.kernels.sights import SIGHT_DEVIATION, SIGHT_ORDER
 from patchlight.solver.model import PatchSet
 from patchlight.solver.sights import with_sights
 
@@ -39,16 +40,16 @@ def grid(count, half, z):
 
 
 def test_nothing_in_the_way_is_exact():
-    """Few meridians, fewer points, and every factor is the unoccluded one."""
+    """Few meridians, fewer points, and every factor is the unoccluded one: a share of one."""
     bright, found, true = seen(setup(LAMP), 0, grid(5, 1.5, -1.0), 8)
-    np.testing.assert_allclose(found.factors, true.factors, rtol=1e-6, atol=1e-15)
+    np.testing.assert_array_equal(found.factors, true.factors)
     assert found.variances.max() == 0.0
 
 
 def test_a_blocker_beside_the_view_changes_nothing():
     parts = setup(LAMP, Body(PatchSet.box((0.2, 0.2, 0.2), center=(3.0, 0.0, 0.0))))
     bright, found, true = seen(parts, 0, grid(3, 0.3, -1.0), 8)
-    np.testing.assert_allclose(found.factors[:, bright], true.factors[:, bright], rtol=1e-6)
+    np.testing.assert_array_equal(found.factors[:, bright], true.factors[:, bright])
     assert found.variances[:, bright].max() == 0.0
 
 
@@ -61,7 +62,7 @@ def test_behind_a_plate_is_dark():
 def test_behind_the_lamp_is_no_blocker():
     parts = setup(LAMP, Body(PatchSet.box((0.4, 0.4, 0.2), center=(0, 0, 1.2))))
     bright, found, true = seen(parts, 0, grid(3, 0.3, -1.0), 16)
-    np.testing.assert_allclose(found.factors[:, bright], true.factors[:, bright], rtol=1e-6)
+    np.testing.assert_array_equal(found.factors[:, bright], true.factors[:, bright])
 
 
 @pytest.mark.parametrize("count", [64, 1024])
@@ -73,9 +74,10 @@ def test_penumbra_of_a_box_along_the_lamp(count):
     whole = true.factors[:, bright].sum(axis=1).max()
     partly = (found.variances[:, bright] > 0.0).any(axis=1)
     assert partly.sum() > 20
-    # Points on one straight edge's strip: 1/m of the lamp and a little, m^0.6 as stated.
-    assert np.sqrt((error[partly] ** 2).mean()) < 0.5 * count**-0.6 * whole
-    assert np.abs(error).max() < 2.0 * count**-0.6 * whole
+    # The deviation that is stated of m points, and three of it.
+    deviation = SIGHT_DEVIATION * count**SIGHT_ORDER * whole
+    assert np.sqrt((error[partly] ** 2).mean()) < deviation
+    assert np.abs(error).max() < 3.0 * deviation
 
 
 def test_stated_deviation_is_that_found():
@@ -86,13 +88,15 @@ def test_stated_deviation_is_that_found():
     ]
     bright, found, true = seen(setup(LAMP, *boxes), 0, grid(9, 1.2, -1.0), 128)
     square = ((found.factors - true.factors)[:, bright] ** 2).sum()
-    assert 0.1 < square / found.variances[:, bright].sum() < 3.0
+    # Errors of neighbours go together: scenes of other seeds gave 0.7 to 1.15.
+    assert 0.5 < square / found.variances[:, bright].sum() < 1.5
 
 
-def test_points_lie_on_the_elements_and_stand_for_their_area():
+@pytest.mark.parametrize("count", [90, 1440])
+def test_points_lie_on_the_elements_and_stand_for_their_area(count):
     bulk = Bulk(setup(ROOM, LAMP, Body(PatchSet.sphere((0, 0, 0), 0.4))), 3)
     bright = np.isin(bulk.elements.patch_index, [6, 7, 8])
-    facets = with_sights(bulk.facets, bulk.elements, bulk.blockers.solid, bright, 90)
+    facets = with_sights(bulk.facets, bulk.elements, bulk.blockers.solid, bright, count)
     each = np.diff(facets.sight_start)
     assert (each[bright] > 0).all() and (each[~bright] == 0).all()
     area = np.add.reduceat(
@@ -100,8 +104,9 @@ def test_points_lie_on_the_elements_and_stand_for_their_area():
     )
     flat = bulk.elements.patch_index[bright] == 6
     np.testing.assert_allclose(area[flat], bulk.elements.areas[bright][flat], rtol=1e-12)
-    # Few points on a curved element: its area element is not sampled well.
-    np.testing.assert_allclose(area, bulk.elements.areas[bright], rtol=0.2)
+    # Next to a pole the area element runs from 0 to twice its mean, and a mean of k evenly spread
+    # points is off by the order of 1/k of that.
+    np.testing.assert_allclose(area, bulk.elements.areas[bright], rtol=3.0 / each[bright].min())
     sphere = np.linalg.norm(
         facets.sight_points[:, np.repeat(bulk.elements.patch_index, each) > 6], axis=0
     )
