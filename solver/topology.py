@@ -13,6 +13,10 @@ from .model.patches import PatchSet
 
 #: Edges closer than this share of a patch's width may be one.
 NARROW = 0.01
+#: Nets at a time whose points are compared with each other.
+_NETS = 512
+#: A unit vector along which edges are sorted.
+_ASKEW = np.array([0.5773, 0.6081, 0.5450])
 
 
 def writable(array: np.ndarray, dtype: type = np.float64) -> np.ndarray:
@@ -58,26 +62,27 @@ def shape_flags(nets: FloatArray) -> IntArray:
     t = (np.arange(5) + 0.5) / 5.0
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     flags = np.zeros(len(nets), dtype=np.int64)
-    all_controls = (nets[..., :3] / nets[..., 3:]).reshape(-1, 16, 3)
-    all_points, all_normals = _points_and_normals(nets, u, v)
-    for k, (control, points, normals) in enumerate(
-        zip(all_controls, all_points, all_normals, strict=True)
-    ):
-        size = float(np.ptp(control, axis=0).max())
-        rounding = 1e-12 * size + 4e-16 * float(np.abs(control).max())
-        length = np.linalg.norm(normals, axis=1)
-        good = length > 1e-9 * length.max() if length.max() > 0.0 else np.zeros(25, bool)
-        if not good.any():
-            continue
-        normals = normals[good] / length[good, None]
-        if np.abs((control - control[0]) @ normals[0]).max() <= 10.0 * rounding:
-            flags[k] = PLANAR
-            continue
-        own = np.einsum("ak,abk->ab", normals, points[None] - points[good][:, None])
-        if own.max() <= 10.0 * rounding:
-            flags[k] = CONVEX
-        elif own.min() >= -10.0 * rounding:
-            flags[k] = CONCAVE
+    for start in range(0, len(nets), _NETS):
+        some = nets[start : start + _NETS]
+        control = (some[..., :3] / some[..., 3:]).reshape(-1, 16, 3)
+        points, normals = _points_and_normals(some, u, v)
+        points = points - control[:, :1]  # near 0, where differences keep their digits
+        size = np.ptp(control, axis=1).max(axis=1)
+        rounding = 1e-11 * size + 4e-15 * np.abs(control).max(axis=(1, 2))
+        length = np.linalg.norm(normals, axis=2)
+        longest = length.max(axis=1, keepdims=True)
+        good = length > 1e-9 * longest
+        # Where there is no normal, nothing is above or below.
+        normals = np.where(good[..., None], normals / np.where(good, length, 1.0)[..., None], 0.0)
+        first = normals[np.arange(len(some)), good.argmax(axis=1)]
+        across = np.einsum("nki,ni->nk", control - control[:, :1], first)
+        flat = np.abs(across).max(axis=1) <= rounding
+        foot = np.einsum("nai,nai->na", normals, points)
+        above = normals @ points.swapaxes(1, 2) - foot[..., None]
+        convex = above.max(axis=(1, 2)) <= rounding
+        concave = above.min(axis=(1, 2)) >= -rounding
+        kind = np.where(flat, PLANAR, np.where(convex, CONVEX, np.where(concave, CONCAVE, 0)))
+        flags[start : start + _NETS] = np.where(longest[:, 0] > 0.0, kind, 0)
     return flags
 
 
@@ -112,25 +117,25 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
     across = middle.reshape(n, 4, 3)
     width = np.linalg.norm(across - across[:, [2, 3, 0, 1]], axis=2).ravel()
     within = np.minimum(tolerance, np.where(width > 0.0, NARROW * width, tolerance))
-    order = np.argsort(middle[:, 0], kind="stable")
-    sorted_x = middle[order, 0]
-    edges: dict[int, list[int]] = {}
-    for k in range(4 * n):
-        if length[k] <= 4.0 * tolerance:
-            continue
-        lo = np.searchsorted(sorted_x, middle[k, 0] - tolerance)
-        hi = np.searchsorted(sorted_x, middle[k, 0] + tolerance, side="right")
-        near = order[lo:hi]
-        near = near[(near != k) & (solid[near // 4] == solid[k // 4])]
-        if near.size == 0:
-            continue
-        close = np.minimum(within[near], within[k])
-        same = np.abs(points[near] - points[k]).max(axis=(1, 2)) <= close
-        turned = np.abs(points[near] - points[k][::-1]).max(axis=(1, 2)) <= close
-        edges[k] = [int(e) for e in near[same | turned]]
-    for k, partners in edges.items():
-        if len(partners) == 1:
-            out[k // 4, k % 4] = partners[0] // 4
+    long = np.flatnonzero(length > 4.0 * tolerance)
+    # Along a direction that no model is aligned with, few places agree by chance.
+    place = middle @ _ASKEW
+    order = np.argsort(place, kind="stable")
+    reach = 2.0 * tolerance
+    low = np.searchsorted(place[order], place[long] - reach)
+    count = np.searchsorted(place[order], place[long] + reach, side="right") - low
+    a = np.repeat(long, count)
+    b = order[np.arange(len(a)) + np.repeat(low - (np.cumsum(count) - count), count)]
+    near = (a != b) & (solid[a // 4] == solid[b // 4])
+    near &= np.abs(middle[a] - middle[b]).max(axis=1) <= tolerance
+    a, b = a[near], b[near]
+    close = np.minimum(within[a], within[b])
+    same = np.abs(points[a] - points[b]).max(axis=(1, 2)) <= close
+    turned = np.abs(points[a] - points[b][:, ::-1]).max(axis=(1, 2)) <= close
+    a, b = a[same | turned], b[same | turned]
+    partners = np.bincount(a, minlength=4 * n)
+    single = partners[a] == 1
+    out[a[single] // 4, a[single] % 4] = b[single] // 4
     return out
 
 
