@@ -132,7 +132,7 @@ def _apart_across(a, b):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _picture(c, t, out):
+def picture_point(c, t, out):
     """Point and derivative of the picture at ``t`` into ``out`` (4,)."""
     r = 1.0 - t
     e0, e1, e2 = 3.0 * r * r, 6.0 * t * r, 3.0 * t * t
@@ -150,8 +150,8 @@ def _picture(c, t, out):
 def _newton(a, b, s, t, pa, pb, root):
     """Crossing near (s, t) into ``root`` (2,); False where the iteration does not end."""
     for _ in range(20):
-        _picture(a, s, pa)
-        _picture(b, t, pb)
+        picture_point(a, s, pa)
+        picture_point(b, t, pb)
         gx, gy = pb[0] - pa[0], pb[1] - pa[1]
         det = pa[3] * pb[2] - pa[2] * pb[3]
         if det == 0.0:
@@ -245,12 +245,12 @@ def foot_on(c, x, y, work):
     for m in range(_SAMPLES + 2):
         after = 1e300
         if m <= _SAMPLES:
-            _picture(c, m / _SAMPLES, work)
+            picture_point(c, m / _SAMPLES, work)
             after = (work[0] - x) ** 2 + (work[1] - y) ** 2
         if m > 0 and here <= before and here <= after:
             t = (m - 1) / _SAMPLES
             for _ in range(30):
-                _picture(c, t, work)
+                picture_point(c, t, work)
                 size2 = work[2] * work[2] + work[3] * work[3]
                 if size2 == 0.0:
                     break
@@ -260,7 +260,7 @@ def foot_on(c, x, y, work):
                 if abs(new - t) < 1e-15:
                     break
                 t = new
-            _picture(c, t, work)
+            picture_point(c, t, work)
             away = (work[0] - x) ** 2 + (work[1] - y) ** 2
             if away < best:
                 best, foot = away, t
@@ -284,10 +284,10 @@ def _overlap(a, b, work, other, at):
     for turn in range(2):
         for end in range(2):
             if turn == 0:
-                _picture(b, float(end), work)
+                picture_point(b, float(end), work)
                 t, away = foot_on(a, work[0], work[1], other)
             else:
-                _picture(a, float(end), work)
+                picture_point(a, float(end), work)
                 t, away = foot_on(b, work[0], work[1], other)
             if away > OVERLAP * size:
                 continue
@@ -304,7 +304,7 @@ def _overlap(a, b, work, other, at):
     if last < 0.0 or abs(last - first) < 1e-6:
         return -1
     for m in range(1, 4):
-        _picture(a, first + 0.25 * m * (last - first), work)
+        picture_point(a, first + 0.25 * m * (last - first), work)
         _, away = foot_on(b, work[0], work[1], other)
         if away > OVERLAP * size:
             return -1

@@ -10,7 +10,7 @@ import math
 import numba as nb
 import numpy as np
 
-from .contour import cubic_point
+from .crossings import picture_point
 from .quadric import restrict_cubic
 
 #: Halvings of a curve of which a part is behind the receiver.
@@ -230,19 +230,16 @@ def add_horizon(n, box, curves, count):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def beside(c, t, left, frame, h, d):
-    """Direction ``d`` a little beside the curve at ``t``, in the coordinates of the scene."""
-    cubic_point(c, t, h)
-    px, py = h[0] / h[2], h[1] / h[2]
-    step = 1e-4
-    cubic_point(c, min(t + step, 1.0), h)
-    qx, qy = h[0] / h[2], h[1] / h[2]
-    cubic_point(c, max(t - step, 0.0), h)
-    ux, uy = qx - h[0] / h[2], qy - h[1] / h[2]
-    size = math.sqrt(ux * ux + uy * uy)
+def beside(c, t, left, frame, at, d):
+    """Direction ``d`` a little beside the curve at ``t``, in the coordinates of the scene.
+
+    ``at`` (4,) is scratch. False where the curve has no direction.
+    """
+    picture_point(c, t, at)
+    size = math.sqrt(at[2] * at[2] + at[3] * at[3])
     if size == 0.0:
         return False
-    px, py = px + left * uy / size, py - left * ux / size
+    px, py = at[0] + left * at[3] / size, at[1] - left * at[2] / size
     for k in range(3):
         d[k] = px * frame[0, k] + py * frame[1, k] + frame[2, k]
     return True

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .contour import cubic_point, edge_term, load_edge
+from .contour import chord_term, cubic_point, curve_term, load_edge
 from .crossings import MOST, OVERLAP, crossings, foot_on, is_straight, picture_box
 from .nets import heights
 from .picture import HALVINGS, add_horizon, add_outline, beside, frame_at, turn_into
@@ -81,7 +81,7 @@ def make_curves():
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
 def meets_quadric(quadric, polar, d):
     """Whether a ray from the receiver along ``d`` meets the whole quadric; −1 in doubt.
 
@@ -104,7 +104,7 @@ def meets_quadric(quadric, polar, d):
     return 1 if product < 0.0 or a * b < 0.0 else 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
 def _meets(nets, kinds, quadrics, of, polar, rays, whole, count, x, d, work):
     """Whether a surface of ``rays`` lies in the direction ``d``; −1 where that is not sure."""
     for m in range(count):
@@ -160,7 +160,7 @@ def _sort(values, count):
         values[m] = v
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
 def _gather_curves(
     x, n, net, quadric, mixed, hiders, seen, sheets, frame, turned, box, rounding, curves
 ):  # fmt: skip
@@ -212,7 +212,7 @@ def _gather_curves(
     return own, made
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
 def _cut_curves(own, made, convex, curves):
     """Find where the curves cross, and which run along each other.
 
@@ -280,7 +280,7 @@ def _is_double(m, t, pairs, along, curve, h, work):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
 def visible_part(
     row, net, mixed, quadric, plain, x, n, rounding, eps, hiders, seen, surfaces, regions, curves,
 ):  # fmt: skip
@@ -333,7 +333,7 @@ def visible_part(
     curve, cuts, count, both, along = (
         curves.curve, curves.cuts, curves.count, curves.both, curves.along,
     )  # fmt: skip
-    number = hiders.count[0]
+    straight, number = curves.straight, hiders.count[0]
     # Without a line across it, all of the patch is hidden or nothing.
     crossed = made > own
     step = min(_BESIDE, max(eps, _BESIDE_LEAST)) * ((box[1] - box[0]) + (box[3] - box[2]))
@@ -347,7 +347,7 @@ def visible_part(
                 continue
             t = 0.5 * (ta + tb)
             # On the side where the patch would be seen.
-            if not beside(curve[m], t, sign * step, frame, h, d):
+            if not beside(curve[m], t, sign * step, frame, foot, d):
                 return math.nan
             if n[0] * d[0] + n[1] * d[1] + n[2] * d[2] <= 0.0:
                 continue
@@ -364,7 +364,7 @@ def visible_part(
                     return math.nan
             hidden = _meets(nets, kinds, quadrics, of, polar, rays, whole, number, x, d, ray)
             if hidden == 0 and outline and both[m]:
-                if not beside(curve[m], t, step, frame, h, d):
+                if not beside(curve[m], t, step, frame, foot, d):
                     return math.nan
                 beyond = _meets(nets, kinds, quadrics, of, polar, rays, whole, number, x, d, ray)
                 hidden = 1 - beyond if beyond >= 0 else -1
@@ -374,12 +374,17 @@ def visible_part(
                 return 0.0 if hidden > 0 else plain
             if hidden > 0 or _is_double(m, t, pairs, along, curve, h, foot):
                 continue
-            total += sign * edge_term(curve[m], ta, tb, turned, _SHARE * eps)
+            cubic_point(curve[m], ta, h)
+            cubic_point(curve[m], tb, d)
+            if straight[m]:
+                part = chord_term(h[0], h[1], h[2], d[0], d[1], d[2], turned)
+            else:
+                part = curve_term(curve[m], ta, tb, turned, _SHARE * eps)
+            total += sign * part
             for end in range(2):
-                cubic_point(curve[m], ta if end == 0 else tb, h)
-                size = math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
-                way = sign * (-1.0 if end == 0 else 1.0)
-                px, py, pz = h[0] / size, h[1] / size, h[2] / size
+                point, way = (h, -sign) if end == 0 else (d, sign)
+                size = math.sqrt(point[0] ** 2 + point[1] ** 2 + point[2] ** 2)
+                px, py, pz = point[0] / size, point[1] / size, point[2] / size
                 steps[0] += way * px
                 steps[1] += way * py
                 steps[2] += way * pz

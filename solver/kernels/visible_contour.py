@@ -77,7 +77,7 @@ def _beyond_pyramid(planes, sphere, x):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
 def _in_way(
     row, net, own_patch, flags, cone, normal, ordered, sheets, nets, spheres, regions, x, n,
     rounding, seen, views, sheet_views, planes, reach, near,
@@ -152,7 +152,7 @@ def _is_inside(sheet, regions, state):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
 def _find_hiders(
     row, net, cone, views, normal, reach, ordered, near, in_way, blockers, surfaces, regions, x, n,
     rounding, seen, hiders,
