@@ -17,11 +17,13 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .cuts import ZENITH, cut_polygon, place_points
+from .cuts import ZENITH, cut_polygon
 from .gaps import add_gap
 
 #: What the meridians saw of a panel: nothing of some of its chords, or all of them.
 SHOWN, HIDDEN = 1, 2
+#: Elevations that the pieces of a meridian are indexed by.
+BINS = 32
 #: Overlap of chords, relative to 1 + τ, that is rounding.
 _TIE = 1e-9
 
@@ -41,6 +43,7 @@ class Lines(NamedTuple):
     start: np.ndarray  # (lines + 1,) first piece of each meridian
     piece: np.ndarray  # (2 room, 2) tangents of both ends
     piece_panel: np.ndarray  # (2 room,)
+    above: np.ndarray  # (lines, `BINS`) first piece of each meridian that reaches above a height
     order: np.ndarray  # (room,) scratch
     active: np.ndarray  # (room,) scratch
     shown: np.ndarray  # (room,) `SHOWN` and `HIDDEN` of each chord
@@ -63,6 +66,7 @@ def make_lines(azimuths, room):
         np.empty(lines + 1, dtype=np.int64),
         np.empty((2 * room, 2)),
         np.empty(2 * room, dtype=np.int64),
+        np.empty((lines, BINS), dtype=np.int64),
         np.empty(room, dtype=np.int64),
         np.empty(room, dtype=np.int64),
         np.empty(room, dtype=np.int64),
@@ -76,43 +80,62 @@ def carried(low, high):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def list_facing(x, n, facets, dark, frame, axes, rounding, local, listed):
-    """List the panels that turn their front to ``x``, and place their points; returns how many.
+def list_facing(x, planes, ranges, dark, rounding, above, listed):
+    """List the panels of all lit units that turn their front to ``x``; returns how many.
 
     Parameters
     ----------
+    planes, ranges
+        `facets.Facets.panel_planes` and ``unit_ranges``.
     dark : (g,) bool array
         Units of which nothing is seen.
-    local : (w, 4) array
-        Receives the places of the points of all other units.
+    rounding : float
+        Distance that counts as none. [m]
+    above : (p,) array
+        Receives how far ``x`` is before the plane of each panel. [m]
     listed : (p + 1,) int array
-        Receives the panels.
+        Receives the panels, in order.
     """
-    ranges, planes, points = facets.unit_ranges, facets.panel_planes, facets.panel_points
     x0, x1, x2 = x[0], x[1], x[2]
-    units, count, done = dark.shape[0], 0, 0
+    nx, ny, nz, offset = planes[0], planes[1], planes[2], planes[3]
+    for f in range(above.shape[0]):
+        above[f] = nx[f] * x0 + ny[f] * x1 + nz[f] * x2 - offset[f]
+    units, count = dark.shape[0], 0
     for g in range(ranges.shape[0]):
         if g < units and dark[g]:
             continue
-        # Both sides of a sheet have the same points.
-        start, end = max(done, ranges[g, 2]), ranges[g, 3]
-        if g == units:
-            start = ranges[g, 2]
-        if end > start:
-            place_points(x, n, frame, points, start, end, axes, local)
-            done = end
         for f in range(ranges[g, 0], ranges[g, 1]):
-            above = planes[0, f] * x0 + planes[1, f] * x1 + planes[2, f] * x2 - planes[3, f]
             listed[count] = f
-            count += 1 if above > rounding else 0
+            count += 1 if above[f] > rounding else 0
     return count
 
 
 @nb.njit(cache=True, error_model="numpy")
+def list_crossing(corners, before, listed, count, crossing):
+    """List those of the listed panels that do not lie between two meridians; returns how many.
+
+    Parameters
+    ----------
+    before : (w,) int array
+        From `cuts.place_points`.
+    crossing : (p + 1,) int array
+        Receives the panels.
+    """
+    found = 0
+    for m in range(count):
+        f = listed[m]
+        k = before[corners[f, 0]]
+        crossing[found] = f
+        same = (before[corners[f, 1]] == k) & (before[corners[f, 2]] == k)
+        found += 0 if same & (before[corners[f, 3]] == k) else 1
+    return found
+
+
+@nb.njit(cache=True, error_model="numpy")
 def cut_panels(
-    x, n, facets, own, frame, rounding, local, listed, count, lines, covered, hits
+    n, facets, own, frame, rounding, local, above, crossing, count, lines, covered, hits
 ):  # fmt: skip
-    """Cut the listed panels with the meridians about ``n``.
+    """Cut the panels that cross meridians about ``n``.
 
     Parameters
     ----------
@@ -124,10 +147,12 @@ def cut_panels(
         Directions of the meridians with azimuths 0 and π/2.
     rounding : float
         `contour.horizon_tolerance` of the receiver. [m]
-    local : (w, 4) array
+    local : (4, w) array
         Of the panels' points, from `cuts.place_points`.
-    listed : (p,) int array
-        Panels that turn their front to ``x``, ``count`` of them.
+    above : (p,) array
+        Of the panels, from `list_facing`. [m]
+    crossing : (p,) int array
+        Panels that turn their front to the receiver, ``count`` of them, from `list_crossing`.
     lines : Lines
         Receives the chords.
     covered, hits : (elements,) arrays
@@ -142,42 +167,39 @@ def cut_panels(
     head, chain, span, panel = lines.head, lines.chain, lines.span, lines.panel
     axes, ends = lines.axes, lines.ends
     corners, planes, elements = facets.panel_corners, facets.panel_planes, facets.panel_element
+    along, across, up = local[0], local[1], local[2]
     room, number = panel.shape[0], head.shape[0]
-    x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
+    n0, n1, n2 = n[0], n[1], n[2]
     f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
     head[:] = -1
     s = 0
     for m in range(count):
-        f = listed[m]
+        f = crossing[m]
         c0, c1, c2, c3 = corners[f, 0], corners[f, 1], corners[f, 2], corners[f, 3]
-        k = int(local[c0, 3])
-        if int(local[c1, 3]) == k and int(local[c2, 3]) == k and int(local[c3, 3]) == k:
-            continue  # between two meridians
-        top = max(max(local[c0, 2], local[c1, 2]), max(local[c2, 2], local[c3, 2]))
+        top = max(max(up[c0], up[c1]), max(up[c2], up[c3]))
         if top <= rounding:
             continue
-        nx, ny, nz = planes[0, f], planes[1, f], planes[2, f]
-        above = nx * x0 + ny * x1 + nz * x2 - planes[3, f]
         # A receiver on a panel, or on the back of one, is in its plane up to rounding: such a panel
         # would be the whole sky.
         margin = rounding + 1e-9 * (
-            abs(local[c2, 0] - local[c0, 0])
-            + abs(local[c2, 1] - local[c0, 1])
-            + abs(local[c3, 0] - local[c1, 0])
-            + abs(local[c3, 1] - local[c1, 1])
+            abs(along[c2] - along[c0])
+            + abs(across[c2] - across[c0])
+            + abs(along[c3] - along[c1])
+            + abs(across[c3] - across[c1])
         )
-        if above <= margin or top <= margin:
+        if above[f] <= margin or top <= margin:
             continue
         element = elements[f]
         if element == own and own >= 0:
             continue
+        nx, ny, nz = planes[0, f], planes[1, f], planes[2, f]
         upright = nx * n0 + ny * n1 + nz * n2
         first, end = cut_polygon(local, corners, f, upright < 0.0, axes, ends)
         if first >= end:
             continue
         # In the plane, at distance ρ from the axis: ρ (N_x cos + N_y sin + N_z τ) = −above.
-        over = -1.0 / above
+        over = -1.0 / above[f]
         gx, gy = (nx * f0 + ny * f1 + nz * f2) * over, (nx * g0 + ny * g1 + nz * g2) * over
         slope = upright * over
         line = first % number
@@ -347,3 +369,25 @@ def sweep(lines, element, frame, n, tone, state, visible, outside):
     # A step between two meridians lies anywhere between them: a twelfth of its square.
     outside[3] = (outside[3] + (first[0] - before[0]) ** 2) / (12.0 * number * number)
     outside[4] = (outside[4] + (first[2] - before[2]) ** 2) / (12.0 * number * number)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def height_bin(tangent):
+    """Number of the interval of elevations, 0 … `BINS` − 1, that a tangent lies in."""
+    return min(int(BINS * (tangent / (1.0 + tangent))), BINS - 1) if tangent > 0.0 else 0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def index_pieces(lines):
+    """Index the pieces of all meridians by elevation: to look there costs less than to search."""
+    start, piece, above = lines.start, lines.piece, lines.above
+    for k in range(above.shape[0]):
+        row = 0
+        for m in range(start[k], start[k + 1]):
+            top = height_bin(piece[m, 1])
+            while row <= top:
+                above[k, row] = m
+                row += 1
+        while row < BINS:
+            above[k, row] = start[k + 1]
+            row += 1

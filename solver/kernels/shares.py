@@ -12,8 +12,19 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from .cuts import ZENITH, azimuth_turn, tangent_frame
-from .meridian import HIDDEN, SHOWN, carried, cut_panels, list_facing, make_lines, sweep
+from .cuts import ZENITH, azimuth_turn, place_points, tangent_frame
+from .meridian import (
+    HIDDEN,
+    SHOWN,
+    carried,
+    cut_panels,
+    height_bin,
+    index_pieces,
+    list_crossing,
+    list_facing,
+    make_lines,
+    sweep,
+)
 from .sights import share_bright
 
 #: Chords a meridian is given room for at first.
@@ -33,14 +44,22 @@ class Shares(NamedTuple):
     share: np.ndarray  # (n,) visible share
     deviation: np.ndarray  # (n,) its standard deviation
     outside: np.ndarray  # (5,) sky and ground, as `meridian.sweep`
-    covered: np.ndarray  # (n,)
-    visible: np.ndarray  # (n,)
-    hits: np.ndarray  # (n,)
+    covered: np.ndarray  # (n,) form factor of the chords of each element, times their number
+    visible: np.ndarray  # (n,) what is in sight of it
+    hits: np.ndarray  # (n,) number of chords
+    asked: np.ndarray  # (n,) elements that no meridian meets
+    place: np.ndarray  # (n,) number of the meridian before each of these, with a fraction
+    height: np.ndarray  # (n,) tangent of the elevation of their middles
+    met: np.ndarray  # (n, 2) pieces of both meridians next to them, −1 where there is none
     frame: np.ndarray  # (2, 3)
     unit: np.ndarray  # (g,) `SHOWN` and `HIDDEN` of every unit
-    listed: np.ndarray  # (p,)
+    above: np.ndarray  # (p,) as `meridian.list_facing`
+    listed: np.ndarray  # (p + 1,)
+    crossing: np.ndarray  # (p + 1,)
     state: np.ndarray  # (p,)
-    panel_local: np.ndarray  # (w, 4)
+    panel_local: np.ndarray  # (4, w) as `cuts.place_points`
+    panel_before: np.ndarray  # (w,)
+    moment: np.ndarray  # (l, 4) of the grids' lines, as `_place_grid`
     views: np.ndarray  # (g + p, 6) as `sights.view_blockers`
     blocking: np.ndarray  # (g + p, 2)
     every: np.ndarray  # (g + p,) 0, 1, 2 …
@@ -66,12 +85,20 @@ def make_shares(sources):
         np.empty(5),
         np.empty(n),
         np.empty(n),
+        np.empty(n),
         np.empty(n, dtype=np.int64),
+        np.empty(n),
+        np.empty(n),
+        np.empty((n, 2), dtype=np.int64),
         np.empty((2, 3)),
         np.empty(sources.group.shape[0], dtype=np.int64),
+        np.empty(p),
+        np.empty(p + 1, dtype=np.int64),
         np.empty(p + 1, dtype=np.int64),
         np.empty(p, dtype=np.int64),
-        np.empty((sources.panel_points.shape[1], 4)),
+        np.empty((4, sources.panel_points.shape[1])),
+        np.empty(sources.panel_points.shape[1], dtype=np.int64),
+        np.empty((sources.grid_lines.shape[0], 4)),
         np.empty((views, 6)),
         np.empty((views, 2), dtype=np.int64),
         np.arange(views),
@@ -109,65 +136,100 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
     tangent_frame(n, turn, found.frame)
     found.covered[:] = 0.0
     found.visible[:] = 0.0
-    found.hits[:] = 0
+    found.hits[:] = 0.0
     found.state[:] = 0
+    place_points(
+        x, n, found.frame, sources.panel_points, lines.axes, found.panel_local, found.panel_before
+    )
     count = list_facing(
-        x, n, sources, dark, found.frame, lines.axes, rounding, found.panel_local, found.listed
+        x, sources.panel_planes, sources.unit_ranges, dark, rounding, found.above, found.listed
+    )
+    crossing = list_crossing(
+        sources.panel_corners, found.panel_before, found.listed, count, found.crossing
     )
     chords = cut_panels(
-        x, n, sources, own, found.frame, rounding, found.panel_local, found.listed, count, lines,
-        found.covered, found.hits,
+        n, sources, own, found.frame, rounding, found.panel_local, found.above, found.crossing,
+        crossing, lines, found.covered, found.hits,
     )  # fmt: skip
     if chords <= lines.panel.shape[0]:
         sweep(
             lines, sources.panel_element, found.frame, n, tone, found.state, found.visible,
             found.outside,
         )  # fmt: skip
+        index_pieces(lines)
     return chords, count
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _beyond(lines, i, x0, x1, x2, d0, d1, d2):
-    """On which side of a grid's line ``i`` direction d points, seen from x: its sign."""
-    p0, p1, p2 = lines[i, 0, 0] - x0, lines[i, 0, 1] - x1, lines[i, 0, 2] - x2
-    e0, e1, e2 = lines[i, 1, 0], lines[i, 1, 1], lines[i, 1, 2]
-    return (p1 * e2 - p2 * e1) * d0 + (p2 * e0 - p0 * e2) * d1 + (p0 * e1 - p1 * e0) * d2
+def _place_grid(lines, first, end, x, n, moment):
+    """Normals (3) of the planes through ``x`` and a grid's lines, and their products with ``n``.
+
+    A direction d points beyond a line where its product with the normal is positive.
+    """
+    x0, x1, x2 = x[0], x[1], x[2]
+    for q in range(first, end):
+        p0, p1, p2 = lines[q, 0, 0] - x0, lines[q, 0, 1] - x1, lines[q, 0, 2] - x2
+        e0, e1, e2 = lines[q, 1, 0], lines[q, 1, 1], lines[q, 1, 2]
+        m0, m1, m2 = p1 * e2 - p2 * e1, p2 * e0 - p0 * e2, p0 * e1 - p1 * e0
+        moment[q, 0], moment[q, 1], moment[q, 2] = m0, m1, m2
+        moment[q, 3] = m0 * n[0] + m1 * n[1] + m2 * n[2]
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _column(lines, first, count, x0, x1, x2, d0, d1, d2):
-    """Between which of ``count`` lines from row ``first`` on direction d points: 0 … ``count``."""
-    low, high = 0, count
-    while low < high:
-        middle = (low + high) // 2
-        if _beyond(lines, first + middle, x0, x1, x2, d0, d1, d2) > 0.0:
-            low = middle + 1
-        else:
-            high = middle
-    return low
+def _column(moment, first, count, d0, d1, d2, tangent):
+    """Between which of ``count`` lines from row ``first`` on a point of a meridian lies: 0 … count.
+
+    The point is at elevation ``tangent`` of the meridian along d.
+    """
+    if count == 0:
+        return 0
+    low, left = first, count
+    while left > 1:
+        half = left // 2
+        q = low + half - 1
+        value = moment[q, 0] * d0 + moment[q, 1] * d1 + moment[q, 2] * d2 + tangent * moment[q, 3]
+        low += half if value > 0.0 else 0
+        left -= half
+    value = moment[low, 0] * d0 + moment[low, 1] * d1 + moment[low, 2] * d2
+    return low - first + (1 if value + tangent * moment[low, 3] > 0.0 else 0)
 
 
 @nb.njit(cache=True, error_model="numpy")
-def share_grids(x, n, sources, lines, found):
-    """Add up what is nearest of the cells of panels that are partly hidden, and of their units."""
-    head, chain, span, panels = lines.head, lines.chain, lines.span, lines.panel
-    start, piece, piece_panel, axes = lines.start, lines.piece, lines.piece_panel, lines.axes
-    grid_of, state, unit, ranges = (
-        sources.panel_grid,
-        found.state,
-        found.unit,
-        sources.unit_ranges,
-    )
-    sizes, parts, elements = sources.grid_size, sources.grid_lines, sources.grid_element
-    covered, visible, hits, frame = found.covered, found.visible, found.hits, found.frame
-    x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
+def _leaves(moment, q, d0, d1, d2, high):
+    """Tangent at which the meridian along d crosses a grid's line, ``high`` at most."""
+    t = -(moment[q, 0] * d0 + moment[q, 1] * d1 + moment[q, 2] * d2) / moment[q, 3]
+    return t if 0.0 < t < high else high
+
+
+@nb.njit(cache=True, error_model="numpy")
+def find_partly(x, n, sources, found):
+    """Find what is seen of every unit, and make ready the grids of those that are partly hidden."""
+    state, unit, moment = found.state, found.unit, found.moment
+    ranges, grid_of, sizes = sources.unit_ranges, sources.panel_grid, sources.grid_size
     for g in range(unit.shape[0]):
         seen = 0
         for f in range(ranges[g, 0], ranges[g, 1]):
             seen |= state[f]
         unit[g] = seen
+        if seen != SHOWN | HIDDEN:
+            continue
         for f in range(ranges[g, 0], ranges[g, 1]):
-            state[f] |= _PARTLY if seen == SHOWN | HIDDEN else 0
+            state[f] |= _PARTLY
+            k = grid_of[f]
+            if k >= 0:
+                end = sizes[k, 2] + sizes[k, 0] + sizes[k, 1] - 2
+                _place_grid(sources.grid_lines, sizes[k, 2], end, x, n, moment)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def share_grids(sources, lines, found):
+    """Add up what is nearest of the cells of panels of units that are partly hidden."""
+    head, chain, span, panels = lines.head, lines.chain, lines.span, lines.panel
+    start, piece, piece_panel, axes = lines.start, lines.piece, lines.piece_panel, lines.axes
+    grid_of, state, moment = sources.panel_grid, found.state, found.moment
+    sizes, elements = sources.grid_size, sources.grid_element
+    covered, visible, hits, frame = found.covered, found.visible, found.hits, found.frame
+    above = lines.above
     for k in range(head.shape[0]):
         d0 = axes[k, 0] * frame[0, 0] + axes[k, 1] * frame[1, 0]
         d1 = axes[k, 0] * frame[0, 1] + axes[k, 1] * frame[1, 1]
@@ -181,13 +243,11 @@ def share_grids(x, n, sources, lines, found):
                 continue
             nu, nv, u_first, cell = sizes[g, 0], sizes[g, 1], sizes[g, 2], sizes[g, 3]
             v_first = u_first + nu - 1
-            b0, b1, b2 = d0 + low * n0, d1 + low * n1, d2 + low * n2
-            i = _column(parts, u_first, nu - 1, x0, x1, x2, b0, b1, b2)
-            j = _column(parts, v_first, nv - 1, x0, x1, x2, b0, b1, b2)
-            b0, b1, b2 = d0 + high * n0, d1 + high * n1, d2 + high * n2
-            left_u = _column(parts, u_first, nu - 1, x0, x1, x2, b0, b1, b2) - i
-            left_v = _column(parts, v_first, nv - 1, x0, x1, x2, b0, b1, b2) - j
-            m, at = start[k], low
+            i = _column(moment, u_first, nu - 1, d0, d1, d2, low)
+            j = _column(moment, v_first, nv - 1, d0, d1, d2, low)
+            left_u = _column(moment, u_first, nu - 1, d0, d1, d2, high) - i
+            left_v = _column(moment, v_first, nv - 1, d0, d1, d2, high) - j
+            m, at = above[k, height_bin(low)], low
             tu, tv = -1.0, -1.0
             for _ in range(abs(left_u) + abs(left_v) + 1):
                 # Where the chord leaves the cell.
@@ -195,21 +255,17 @@ def share_grids(x, n, sources, lines, found):
                     tu = high
                     if left_u != 0:
                         q = u_first + (i if left_u > 0 else i - 1)
-                        across = _beyond(parts, q, x0, x1, x2, n0, n1, n2)
-                        tu = -_beyond(parts, q, x0, x1, x2, d0, d1, d2) / across
-                        tu = tu if 0.0 < tu < high else high
+                        tu = _leaves(moment, q, d0, d1, d2, high)
                 if tv < 0.0:
                     tv = high
                     if left_v != 0:
                         q = v_first + (j if left_v > 0 else j - 1)
-                        across = _beyond(parts, q, x0, x1, x2, n0, n1, n2)
-                        tv = -_beyond(parts, q, x0, x1, x2, d0, d1, d2) / across
-                        tv = tv if 0.0 < tv < high else high
+                        tv = _leaves(moment, q, d0, d1, d2, high)
                 until = min(tu, tv)
                 if until > at + 1e-13 * (1.0 + at):
                     e = elements[cell + i * nv + j]
                     covered[e] += carried(at, until)
-                    hits[e] += 1
+                    hits[e] += 1.0
                     while m < start[k + 1] and piece[m, 1] <= at:
                         m += 1
                     q = m
@@ -227,13 +283,8 @@ def share_grids(x, n, sources, lines, found):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def share_elements(x, n, own, factors, sources, blockers, lines, found):
-    """Visible share and deviation of all elements with an unoccluded factor.
-
-    An element that no meridian is known to meet is hidden as far as what the two next to it see at
-    the elevation of its middle lies before it. The panel's plane is asked, not its chord: the
-    point is not on the meridian. Panels of the element's own unit or convex solid hide nothing
-    of it.
+def share_met(own, factors, found):
+    """Share and deviation of the elements that meridians meet; lists and counts the others.
 
     Parameters
     ----------
@@ -242,60 +293,97 @@ def share_elements(x, n, own, factors, sources, blockers, lines, found):
     factors : (n,) array
         Unoccluded form factors.
     """
-    number = lines.head.shape[0]
-    start, piece, piece_panel = lines.start, lines.piece, lines.piece_panel
-    share, deviation, unit = found.share, found.deviation, found.unit
+    share, deviation, asked = found.share, found.deviation, found.asked
     covered, visible, hits = found.covered, found.visible, found.hits
-    group, joined, spheres = sources.group, sources.unit_joined, sources.spheres
-    ranges = sources.unit_ranges
-    solids, planes = sources.panel_solid, sources.panel_planes
-    solid_of, bulging = blockers.solid, blockers.bulging
+    for j in range(share.shape[0]):
+        part = visible[j] / max(covered[j], 1e-300)
+        # What nothing hides adds up to rounding.
+        part = 1.0 if part > 1.0 - 1e-9 else part
+        share[j] = part if factors[j] > 0.0 else 0.0
+        deviation[j] = SHARE_DEVIATION / max(hits[j], 1.0) if (part > 0.0) & (part < 1.0) else 0.0
+    if own >= 0 and factors[own] > 0.0:
+        share[own], deviation[own] = 1.0, 0.0
+    count = 0
+    for j in range(share.shape[0]):
+        asked[count] = j
+        count += 1 if (factors[j] > 0.0) & (covered[j] <= 0.0) & (j != own) else 0
+    return count
+
+
+@nb.njit(cache=True, error_model="numpy")
+def find_pieces(x, n, count, spheres, lines, found):
+    """Find what the meridians next to the elements asked for meet at the height of their middles.
+
+    Parameters
+    ----------
+    count : int
+        How many elements are asked for.
+    spheres : (n, 4) array
+        Their middles.
+    """
+    start, piece, number = lines.start, lines.piece, lines.head.shape[0]
+    asked, place, height, met = found.asked, found.place, found.height, found.met
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
     f0, f1, f2 = found.frame[0, 0], found.frame[0, 1], found.frame[0, 2]
     g0, g1, g2 = found.frame[1, 0], found.frame[1, 1], found.frame[1, 2]
-    for g in range(group.shape[0]):
+    # Searches wait for nothing when places are known beforehand.
+    for m in range(count):
+        j = asked[m]
+        dx, dy, dz = spheres[j, 0] - x0, spheres[j, 1] - x1, spheres[j, 2] - x2
+        lx, ly = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
+        place[m] = azimuth_turn(lx, ly) * number
+        rho = math.sqrt(lx * lx + ly * ly)
+        height[m] = (n0 * dx + n1 * dy + n2 * dz) / rho if rho > 0.0 else ZENITH
+    for m in range(count):
+        k, row = int(place[m]), height_bin(height[m])
+        for side in range(2):
+            k = k if k < number else k - number
+            q, end = lines.above[k, row], start[k + 1]
+            while q < end and piece[q, 1] <= height[m]:
+                q += 1
+            met[m, side] = q if (q < end) & (piece[q, 0] < height[m]) else -1
+            k += 1
+
+
+@nb.njit(cache=True, error_model="numpy")
+def share_asked(count, sources, blockers, lines, found):
+    """Share and deviation of elements that no meridian is known to meet.
+
+    Such an element is hidden as far as what the two next to it see at the elevation of its middle
+    lies before it. The panel's plane is asked, not its chord: the point is not on the meridian.
+    Panels of the element's own unit or convex solid hide nothing of it.
+
+    Parameters
+    ----------
+    count : int
+        How many elements are asked for.
+    """
+    piece_panel, asked, place, met = lines.piece_panel, found.asked, found.place, found.met
+    share, deviation, unit = found.share, found.deviation, found.unit
+    group, joined, spheres = sources.group, sources.unit_joined, sources.spheres
+    ranges, solids, planes = sources.unit_ranges, sources.panel_solid, sources.panel_planes
+    g = 0
+    for m in range(count):
+        j = asked[m]
+        while group[g, 1] <= j:
+            g += 1
         seen = unit[g] if joined[g] else 0
-        solid = solid_of[group[g, 2]]
-        for j in range(group[g, 0], group[g, 1]):
-            deviation[j] = 0.0
-            if factors[j] <= 0.0:
-                share[j] = 0.0
-            elif j == own:
-                share[j] = 1.0
-            elif covered[j] > 0.0:
-                part = visible[j] / covered[j]
-                # What nothing hides adds up to rounding.
-                share[j] = 1.0 if part > 1.0 - 1e-9 else part
-                if 0.0 < share[j] < 1.0:
-                    deviation[j] = SHARE_DEVIATION / hits[j]
-            else:
-                dx, dy, dz = spheres[j, 0] - x0, spheres[j, 1] - x1, spheres[j, 2] - x2
-                lx, ly = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
-                place = azimuth_turn(lx, ly) * number
-                rho = math.sqrt(lx * lx + ly * ly)
-                tangent = (n0 * dx + n1 * dy + n2 * dz) / rho if rho > 0.0 else ZENITH
-                margin = -1e-6 * spheres[j, 3]
-                part, away = 0.0, place - int(place)
-                for side in range(2):
-                    k = int(place) + side
-                    k = k if k < number else k - number
-                    m = start[k]
-                    while m < start[k + 1] and piece[m, 1] <= tangent:
-                        m += 1
-                    hidden = False
-                    if m < start[k + 1] and piece[m, 0] < tangent:
-                        f = piece_panel[m]
-                        depth = planes[0, f] * (x0 + dx) + planes[1, f] * (x1 + dy)
-                        depth += planes[2, f] * (x2 + dz) - planes[3, f]
-                        same = ranges[g, 0] <= f < ranges[g, 1]
-                        same |= bulging[solid] and solids[f] == solid
-                        hidden = depth < margin and not same
-                    if not hidden:
-                        part += away if side == 1 else 1.0 - away
-                share[j] = part
-                # Where the unit's chords say the same, the element is taken for met by them.
-                sure = 1.0 if seen == SHOWN else (0.0 if seen == HIDDEN else -1.0)
-                deviation[j] = 0.0 if part == sure else POINT_DEVIATION
+        solid = blockers.solid[group[g, 2]]
+        first, end, bulging = ranges[g, 0], ranges[g, 1], blockers.bulging[solid]
+        margin = -1e-6 * spheres[j, 3]
+        part, away = 0.0, place[m] - int(place[m])
+        for side in range(2):
+            q = met[m, side]
+            f = piece_panel[q] if q >= 0 else 0
+            depth = planes[0, f] * spheres[j, 0] + planes[1, f] * spheres[j, 1]
+            depth += planes[2, f] * spheres[j, 2] - planes[3, f]
+            same = ((f >= first) & (f < end)) | (bulging & (solids[f] == solid))
+            hidden = (q >= 0) & (depth < margin) & (not same)
+            part += 0.0 if hidden else (away if side == 1 else 1.0 - away)
+        share[j] = part
+        # Where the unit's chords say the same, the element is taken for met by them.
+        sure = 1.0 if seen == SHOWN else (0.0 if seen == HIDDEN else -1.0)
+        deviation[j] = 0.0 if part == sure else POINT_DEVIATION
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -307,8 +395,11 @@ def find_shares(
     if chords > lines.panel.shape[0]:
         lines = make_lines(sources.azimuths, 2 * chords)
         scan(x, n, flat, turn, dark, sources, rounding, tone, lines, found)
-    share_grids(x, n, sources, lines, found)
-    share_elements(x, n, own, factors, sources, blockers, lines, found)
+    find_partly(x, n, sources, found)
+    share_grids(sources, lines, found)
+    asked = share_met(own, factors, found)
+    find_pieces(x, n, asked, sources.spheres, lines, found)
+    share_asked(asked, sources, blockers, lines, found)
     if sources.sight_units.shape[0]:
         share_bright(
             x, n, flat, dark, factors, sources, blockers, rounding, found.listed, count,

@@ -69,13 +69,13 @@ def view_blockers(
     while m >= 0 and listed[m] >= ranges[units, 0]:
         f = listed[m]
         c0, c1, c2, c3 = corners[f, 0], corners[f, 1], corners[f, 2], corners[f, 3]
-        mx = 0.25 * (local[c0, 0] + local[c1, 0] + local[c2, 0] + local[c3, 0])
-        my = 0.25 * (local[c0, 1] + local[c1, 1] + local[c2, 1] + local[c3, 1])
-        mz = 0.25 * (local[c0, 2] + local[c1, 2] + local[c2, 2] + local[c3, 2])
+        mx = 0.25 * (local[0, c0] + local[0, c1] + local[0, c2] + local[0, c3])
+        my = 0.25 * (local[1, c0] + local[1, c1] + local[1, c2] + local[1, c3])
+        mz = 0.25 * (local[2, c0] + local[2, c1] + local[2, c2] + local[2, c3])
         square = 0.0
         for e in range(4):
             c = corners[f, e]
-            dx, dy, dz = local[c, 0] - mx, local[c, 1] - my, local[c, 2] - mz
+            dx, dy, dz = local[0, c] - mx, local[1, c] - my, local[2, c] - mz
             square = max(square, dx * dx + dy * dy + dz * dz)
         _view(mx, my, mz, math.sqrt(square), views, kept)
         panels[kept, 0], panels[kept, 1] = f, f + 1
@@ -131,9 +131,9 @@ def may_hide(local, corners, f, x, y, z, radius, e):
     a = corners[f, 3]
     for k in range(4):
         b = corners[f, k]
-        ex = local[a, 1] * local[b, 2] - local[a, 2] * local[b, 1]
-        ey = local[a, 2] * local[b, 0] - local[a, 0] * local[b, 2]
-        ez = local[a, 0] * local[b, 1] - local[a, 1] * local[b, 0]
+        ex = local[1, a] * local[2, b] - local[2, a] * local[1, b]
+        ey = local[2, a] * local[0, b] - local[0, a] * local[2, b]
+        ez = local[0, a] * local[1, b] - local[1, a] * local[0, b]
         e[k, 0], e[k, 1], e[k, 2] = ex, ey, ez
         out = ex * x + ey * y + ez * z
         # Inside a panel seen from its front all are negative.
