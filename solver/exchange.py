@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .errors import NumericsError
 from .kernels.bulk import form_factor_rows
+from .kernels.edges import Edges
 from .kernels.facets import Facets
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
@@ -20,7 +21,7 @@ from .model.elements import Elements
 from .model.sky import CIESky
 from .quadrics import fit_quadrics, turned
 from .skies import sky_tone
-from .tables import make_edges, meridians, near_ratio, no_facets
+from .tables import make_edges, meridians, near_ratio, no_facets, point_distance
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.
@@ -87,11 +88,16 @@ class Scan:
         Meridians about each node.
     exact_above : (n,) array
         Unoccluded form factor above which a pair is traced by pyramids all the same.
+    point_eps : float
+        Error allowed to the unoccluded factor of a distant element told by one point, relative to
+        the factor of one that faces the receiver; 0 for none. Elements with lines of sight are
+        never done so.
     """
 
     facets: Facets
     lines: int
     exact_above: FloatArray
+    point_eps: float = 0.0
 
 
 def make_sources(
@@ -118,9 +124,13 @@ def make_sources(
     flip = elements.side[first] == 1
     group_nets[flip] = group_nets[flip][:, ::-1]
     flags = shape_flags(group_nets)
+    cones = normal_cones(elements.nets)
+    edges = make_edges(
+        elements.nets, patch_nets, elements.patch_index, elements.boxes, elements.side, cones
+    )
     return Sources(
         nets=writable(elements.nets),
-        cones=normal_cones(elements.nets),
+        cones=cones,
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
         quadrics=writable(
@@ -134,11 +144,18 @@ def make_sources(
         group_spheres=bounding_spheres(group_nets),
         azimuths=meridians(0 if scan is None else scan.lines),
         exact_above=np.zeros(len(key)) if scan is None else writable(scan.exact_above),
-        **make_edges(
-            elements.nets, patch_nets, elements.patch_index, elements.boxes, elements.side
-        )._asdict(),
+        point_from=_point_from(edges, scan),
+        **edges._asdict(),
         **(no_facets() if scan is None else scan.facets)._asdict(),
     )
+
+
+def _point_from(edges: Edges, scan: Scan | None) -> FloatArray:
+    """Square of the distance (n,) from which elements are told by one point. [m²]"""
+    if scan is None or scan.point_eps == 0.0:
+        return np.full(edges.mean_point.shape[1], np.inf)
+    told = np.diff(scan.facets.sight_start) > 0
+    return np.where(told, np.inf, point_distance(edges, scan.point_eps) ** 2)
 
 
 def form_factor_matrix(

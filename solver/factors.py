@@ -311,7 +311,8 @@ def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources
         group_spheres=spheres.copy(),
         azimuths=meridians(0),
         exact_above=np.zeros(len(nets)),
-        **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64))._asdict(),
+        point_from=np.full(len(nets), np.inf),
+        **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64), cones)._asdict(),
         **no_facets()._asdict(),
     )
 

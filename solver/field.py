@@ -38,6 +38,9 @@ SENSOR_SHARE = 0.1
 SENSOR_EXACT = 0.025
 #: Exitance of elements told by lines of sight, against the mean of all surfaces.
 BRIGHT = 4.0
+#: Error of factors told by one point against that of other unoccluded factors: it has either sign,
+#: and few elements come near to it.
+POINT_SHARE = 2.5
 #: Elements smaller than this share of the aimed size get a single node.
 SMALL = 0.2
 
@@ -171,6 +174,7 @@ class FieldSolver:
             cell_eps=sources.cell_eps * SENSOR_SHARE,
             exact_above=sources.cell_eps * (SENSOR_EXACT * budget.exact_above / budget.cell_eps),
             azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
+            point_from=np.full_like(sources.point_from, np.inf),
         )
         with self.stages.run("sensors") as tell:
             asked = Ask(budget, receivers, fine, share=FINE_SHARE)
@@ -240,7 +244,7 @@ class FieldSolver:
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
-        scan = Scan(facets, budget.lines, exact_above)
+        scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
         return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
 
     def _sees_out(self, rows: Rows, lit: np.ndarray) -> bool:

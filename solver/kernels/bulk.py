@@ -15,7 +15,7 @@ import numba as nb
 import numpy as np
 
 from .contour import horizon_tolerance, shift_net
-from .edges import NEAR, edge_integrals, far_factors, find_dark
+from .edges import far_factors, find_dark, mean_factors
 from .meridian import make_lines
 from .nets import CONCAVE, CONVEX, PLANAR
 from .patch_factor import patch_factor
@@ -49,28 +49,29 @@ def _find_dark(x, n, own_patch, own, sources, blockers, dark):
 @nb.njit(cache=True, error_model="numpy")
 def _unoccluded(
     x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, dark, factors,
-    found, counters,
+    near, counters,
 ):  # fmt: skip
     """Unoccluded form factors from one node to all elements into ``factors`` (n,)."""
     _find_dark(x, n, own_patch, own, sources, blockers, dark)
-    edge_integrals(x, n, sources, integral)
-    far_factors(
-        x, n, sources, sources.group, dark, integral, sources.cones, sources.spheres, near_ratio,
-        eps, factors, found,
+    mean_factors(x, n, sources, sources.point_from, factors)
+    left = far_factors(
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, near_ratio, eps,
+        integral, factors, near,
     )  # fmt: skip
+    for m in range(left):
+        j = near[m]
+        patch = sources.patch[j]
+        solid = blockers.solid[patch]
+        same = own_patch >= 0 and blockers.solid[own_patch] == solid
+        inside = same and blockers.hollow[solid]
+        front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
+        shift_net(sources.nets[j], x, s)
+        factors[j] = patch_factor(
+            s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
+        )
     none = 0
     for j in range(factors.shape[0]):
-        if found[j] == NEAR:
-            patch = sources.patch[j]
-            solid = blockers.solid[patch]
-            same = own_patch >= 0 and blockers.solid[own_patch] == solid
-            inside = same and blockers.hollow[solid]
-            front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
-            shift_net(sources.nets[j], x, s)
-            factors[j] = patch_factor(
-                s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
-            )
-        none += factors[j] == 0.0
+        none += 1 if factors[j] == 0.0 else 0
     counters[DARK_PAIRS] += none
 
 
@@ -99,11 +100,10 @@ def _add(weight, single, wanted, share, deviation, factors, variances):
     """Add what one node sees of all elements that are not ``wanted``; returns how many they are."""
     count = 0
     for j in range(single.shape[0]):
-        if single[j] > 0.0 and not wanted[j]:
-            value = weight * single[j]
-            factors[j] += value * share[j]
-            variances[j] += (value * deviation[j]) ** 2
-            count += 1
+        value = 0.0 if wanted[j] else weight * single[j]
+        factors[j] += value * share[j]
+        variances[j] += (value * deviation[j]) ** 2
+        count += 1 if value > 0.0 else 0
     return count
 
 
@@ -152,7 +152,7 @@ def form_factor_rows(
     size = (count + chunks - 1) // chunks
     for chunk in nb.prange(chunks):
         integral = np.empty(sources.edge_point.shape[2])
-        single, found = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
+        single, near = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
         s, dark = np.empty((4, 4, 4)), np.empty(sources.group.shape[0], dtype=np.bool_)
         x, n, lifted = np.empty(3), np.empty(3), np.empty(3)
         scratch = make_scratch(p if trace else 0, levels)
@@ -170,7 +170,7 @@ def form_factor_rows(
                 rounding = horizon_tolerance(x)
                 _unoccluded(
                     x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding,
-                    integral, s, dark, single, found, counters[i],
+                    integral, s, dark, single, near, counters[i],
                 )  # fmt: skip
                 if not trace:
                     counters[i, UNOCCLUDED] += _add_plain(weight, single, factors[i])

@@ -60,12 +60,12 @@ class Shares(NamedTuple):
     panel_local: np.ndarray  # (4, w) as `cuts.place_points`
     panel_before: np.ndarray  # (w,)
     moment: np.ndarray  # (l, 4) of the grids' lines, as `_place_grid`
-    views: np.ndarray  # (g + p, 6) as `sights.view_blockers`
+    views: np.ndarray  # (6, g + p) as `sights.view_blockers`
     blocking: np.ndarray  # (g + p, 2)
-    every: np.ndarray  # (g + p,) 0, 1, 2 …
+    meets: np.ndarray  # (g + p,)
     close: np.ndarray  # (g + p + 1,)
-    near: np.ndarray  # (g + p + 1,)
-    sight_place: np.ndarray  # (3, k) points of one unit
+    edges: np.ndarray  # (4, 3) as `sights.may_hide`
+    sight_place: np.ndarray  # (3, k) points of one cluster
     sight_weight: np.ndarray  # (k,)
     sight_seen: np.ndarray  # (k,)
 
@@ -75,10 +75,13 @@ def make_shares(sources):
     """Arrays for the elements and panels of ``sources``."""
     n, p, k = sources.nets.shape[0], sources.panel_corners.shape[0], 0
     views = sources.group.shape[0] + p
-    for m in range(sources.sight_units.shape[0]):
-        g = sources.sight_units[m]
-        first, end = sources.group[g, 0], sources.group[g, 1]
-        k = max(k, sources.sight_start[end] - sources.sight_start[first])
+    for c in range(sources.sight_clusters.shape[0]):
+        total = 0
+        for m in range(sources.sight_clusters[c, 0], sources.sight_clusters[c, 1]):
+            g = sources.sight_units[m]
+            first, end = sources.group[g, 0], sources.group[g, 1]
+            total += sources.sight_start[end] - sources.sight_start[first]
+        k = max(k, total)
     return Shares(
         np.empty(n),
         np.empty(n),
@@ -99,11 +102,11 @@ def make_shares(sources):
         np.empty((4, sources.panel_points.shape[1])),
         np.empty(sources.panel_points.shape[1], dtype=np.int64),
         np.empty((sources.grid_lines.shape[0], 4)),
-        np.empty((views, 6)),
+        np.empty((6, views)),
         np.empty((views, 2), dtype=np.int64),
-        np.arange(views),
+        np.empty(views, dtype=np.bool_),
         np.empty(views + 1, dtype=np.int64),
-        np.empty(views + 1, dtype=np.int64),
+        np.empty((4, 3)),
         np.empty((3, k)),
         np.empty(k),
         np.empty(k),
@@ -401,8 +404,5 @@ def find_shares(
     find_pieces(x, n, asked, sources.spheres, lines, found)
     share_asked(asked, sources, blockers, lines, found)
     if sources.sight_units.shape[0]:
-        share_bright(
-            x, n, flat, dark, factors, sources, blockers, rounding, found.listed, count,
-            found.panel_local, found,
-        )  # fmt: skip
+        share_bright(x, n, flat, dark, factors, sources, blockers, rounding, count, found)
     return lines
