@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import NumericsError
 from .kernels.bulk import form_factor_rows
+from .kernels.closure import sum_rows
 from .kernels.edges import Edges
 from .kernels.facets import Facets
 from .kernels.pyramid import Blockers
@@ -55,16 +56,32 @@ class Rows:
     outside : (m, 5) array
         What the meridians saw of sky and ground: luminance times form factor of the sky [cd/m²],
         form factors of sky and ground, variances of the first and the last.
+    sums : (m, 2) array, optional
+        Sums of the factors and of their variances, found here unless they are given. Who changes
+        the rows keeps them true.
     """
 
     factors: FloatArray
     variances: NDArray[np.float32]
     counters: dict[str, int]
     outside: FloatArray
+    sums: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+
+    def __post_init__(self) -> None:
+        if len(self.sums) != len(self.factors):
+            sums = np.empty((len(self.factors), 2))
+            sum_rows(writable(self.factors), writable(self.variances, np.float32), sums)
+            object.__setattr__(self, "sums", sums)
 
     def take(self, rows: IntArray) -> Rows:
         """Some of them, with the counters of all."""
-        return Rows(self.factors[rows], self.variances[rows], self.counters, self.outside[rows])
+        parts = (self.factors[rows], self.variances[rows], self.counters, self.outside[rows])
+        return Rows(*parts, self.sums[rows])
+
+    def put(self, rows: IntArray, other: Rows) -> None:
+        """Replace some of them."""
+        self.factors[rows], self.variances[rows] = other.factors, other.variances
+        self.outside[rows], self.sums[rows] = other.outside, other.sums
 
     def variance_of(self, light: FloatArray) -> FloatArray:
         """Variance (m,) of what the receivers gather when the elements send ``light`` (n,)."""
@@ -212,7 +229,7 @@ def form_factor_matrix(
     check_matrix(m, n)
     factors, variances = np.zeros((m, n)), np.zeros((m, n), dtype=np.float32)
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
-    outside = np.zeros((m, 5))
+    outside, sums = np.zeros((m, 5)), np.zeros((m, 2))
     # Without a sky its form factor is still asked for: one of 1 cd/m² all over tells its variance.
     tone = sky_tone(CIESky(5, zenith_luminance_cd_m2=1.0) if sky is None else sky)
     own = np.full(m, -1) if own is None else own
@@ -239,12 +256,14 @@ def form_factor_matrix(
             factors[rows],
             variances[rows],
             outside[rows],
+            sums[rows],
             counters[rows],
         )
-        if not np.isfinite(factors[rows]).all():
+        if not np.isfinite(sums[rows, 0]).all():
             i, j = np.argwhere(~np.isfinite(factors[rows]))[0]
             raise NumericsError(f"form factor from receiver {start + i} to element {j}: not finite")
         if progress is not None:
             progress(rows.stop, m)
     total = counters.sum(axis=0)
-    return Rows(factors, variances, {name: int(total[c]) for name, c in COUNTERS.items()}, outside)
+    counted = {name: int(total[c]) for name, c in COUNTERS.items()}
+    return Rows(factors, variances, counted, outside, sums)

@@ -251,8 +251,8 @@ class FieldSolver:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
         if self.in_cavity:
             return False
-        missing = 1.0 - rows.factors.sum(axis=1)[lit]
-        noise = 3.0 * np.sqrt(rows.variances.sum(axis=1, dtype=np.float64)[lit]) + 1e-4
+        missing = 1.0 - rows.sums[lit, 0]
+        noise = 3.0 * np.sqrt(rows.sums[lit, 1]) + 1e-4
         leaves = missing > noise
         if self.trace:
             # What the meridians met is known besides: a row that meets something on all of them

@@ -122,25 +122,23 @@ class RowFinder:
         of ``totals``. Returns the sums of the rows before the correction.
         """
         if not self._sums_known or not self.trace:
-            return np.asarray(rows.factors.sum(axis=1))
+            return rows.sums[:, 0].copy()
         known: dict[str, Any] = {"eps": self._eps(ask), "outside": outside, "spread": spread}
         for level in range(1, LEVELS + 1):
             found = rows_beyond_noise(rows, totals, **known)
             found = found[: -(-len(rows.factors) // FINER**level)]
             if not len(found):
                 break
-            new = self.rows(ask.finer(found, FINER**level))
-            rows.factors[found], rows.variances[found] = new.factors, new.variances
-            rows.outside[found] = new.outside
+            rows.put(found, self.rows(ask.finer(found, FINER**level)))
             self.stages.count({"rows_redone": len(found)})
         wrong = rows_beyond_noise(rows, totals, **known)
-        sums = rows.factors.sum(axis=1)
+        sums = rows.sums[:, 0].copy()
         count = close_rows(rows, totals, **known)
         self.stages.count({"rows_closed": count, "rows_beyond_noise": len(wrong)})
-        change = np.abs(rows.factors.sum(axis=1) - sums)[wrong]
+        change = np.abs(rows.sums[:, 0] - sums)[wrong]
         if len(wrong) and change.max() > ask.budget.accuracy:
             self.stages.warnings.append(
                 f"{len(wrong)} rows of form factors were wrong by up to {change.max():.1%}, more "
                 "than their sampling explains; they were scaled to sum to what they must"
             )
-        return np.asarray(sums)
+        return sums

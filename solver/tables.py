@@ -106,8 +106,8 @@ def make_edges(
             [np.searchsorted(unique[:, 0], of, side) for side in ("left", "right")], axis=1
         ),
         edge_sign=writable(1.0 - 2.0 * side),
-        area_point=writable(inside - origin),
-        area_normal=writable(area),
+        area_point=writable((inside - origin).transpose(2, 0, 1)),
+        area_normal=writable(area.transpose(2, 0, 1)),
         **_means(nets, inside - origin, area, origin, cones),
     )
 

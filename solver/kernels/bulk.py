@@ -14,6 +14,7 @@ import math
 import numba as nb
 import numpy as np
 
+from .closure import sum_row
 from .contour import horizon_tolerance, shift_net
 from .edges import far_factors, find_dark, mean_factors
 from .meridian import make_lines
@@ -56,7 +57,7 @@ def _unoccluded(
     mean_factors(x, n, sources, sources.point_from, factors)
     left = far_factors(
         x, n, sources, sources.group, dark, sources.cones, sources.spheres, near_ratio, eps,
-        integral, factors, near,
+        sources.azimuths.shape[0] == 0, integral, factors, near,
     )  # fmt: skip
     for m in range(left):
         j = near[m]
@@ -110,7 +111,7 @@ def _add(weight, single, wanted, share, deviation, factors, variances):
 @nb.njit(cache=True, error_model="numpy", parallel=True)
 def form_factor_rows(
     nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
-    trace, levels, tone, chunks, factors, variances, outside, counters,
+    trace, levels, tone, chunks, factors, variances, outside, sums, counters,
 ):  # fmt: skip
     """Form factors from receivers with q nodes each to all sources.
 
@@ -143,6 +144,8 @@ def form_factor_rows(
         Receive the mean form factor and the variance of its sampled part.
     outside : (m, 5) array
         Receives what the meridians see of sky and ground, as `meridian.sweep`.
+    sums : (m, 2) array
+        Receives the sums of factors and variances.
     counters : (m, 5) int array
         `rows.DARK_PAIRS` … `rows.CELLS`.
     """
@@ -196,3 +199,5 @@ def form_factor_rows(
                         x, n, patches[i], sources, blockers, eps, scratch, wanted, single, s,
                         weight, factors[i], variances[i], counters[i],
                     )  # fmt: skip
+            # While the row is still at hand.
+            sums[i, 0], sums[i, 1] = sum_row(factors[i]), sum_row(variances[i])

@@ -21,6 +21,8 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from .closure import sum_row
+
 TWO_PI = 2.0 * math.pi
 #: Stands for the factor of an element that is not known yet.
 OPEN = -1.0
@@ -44,7 +46,7 @@ class Edges(NamedTuple):
         First and end of the edges of each element's patch.
     edge_sign : (n,) array
         1 on the patch's + side, −1 on its − side.
-    area_point, area_normal : (n, k, 3) arrays
+    area_point, area_normal : (3, n, k) arrays
         Points of each element, from ``edge_origin``, and normals times area. [m, m²]
     mean_point, mean_area : (3, n) arrays
         Mean point of each element, from ``edge_origin`` [m], and vector area [m²].
@@ -144,7 +146,7 @@ def find_dark(x, n, nets, cones, spheres, dark):
 
 @nb.njit(cache=True, error_model="numpy")
 def far_factors(
-    x, n, edges, group, dark, cones, spheres, near_ratio, eps, integral, factors, near
+    x, n, edges, group, dark, cones, spheres, near_ratio, eps, shared, integral, factors, near
 ):  # fmt: skip
     """Unoccluded form factors of all elements that are `OPEN` still and not too near.
 
@@ -160,6 +162,10 @@ def far_factors(
         Elements nearer than this many of their radii are not done here.
     eps : float
         Error allowed, as a share of the hemisphere, of what is summed over points.
+    shared : bool
+        Whether most elements are to be done: their edges are then integrated for all of a patch at
+        once. Else those that are near enough for it are summed over points, whose rule has as many
+        nodes a direction and the same order.
     integral : (e,) array
         Scratch: contour integrals of the edges.
     factors : (n,) array
@@ -174,7 +180,9 @@ def far_factors(
     """
     edge_of, edge_sign = edges.edge_of, edges.edge_sign
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
-    left = 0
+    points, areas, origin = edges.area_point, edges.area_normal, edges.edge_origin
+    y0, y1, y2 = x0 - origin[0], x1 - origin[1], x2 - origin[2]
+    left, parts = 0, np.empty(points.shape[2])
     for g in range(group.shape[0]):
         if dark[g]:
             factors[group[g, 0] : group[g, 1]] = 0.0
@@ -201,7 +209,8 @@ def far_factors(
                 if spread == 0.0 and distance > near_ratio * radius:
                     # All normals alike: a plane. The sphere's centre is near it, not in it.
                     front = away > radius
-            if front and height > radius and distance > near_ratio * radius:
+            good = front and height > radius and distance > near_ratio * radius
+            if good and shared:
                 if not ready:
                     first, end = edges.edge_range[j, 0], edges.edge_range[j, 1]
                     edge_integrals(x, n, edges, first, end, integral)
@@ -209,24 +218,18 @@ def far_factors(
                 total = integral[edge_of[j, 0]] + integral[edge_of[j, 1]]
                 total -= integral[edge_of[j, 2]] + integral[edge_of[j, 3]]
                 factors[j] = max(0.0, -edge_sign[j] * total / TWO_PI)
-            elif AREA_ERROR * radius * radius >= eps * distance * distance:
+            elif not good and AREA_ERROR * radius * radius >= eps * distance * distance:
                 near[left] = j
                 left += 1
             else:
-                factors[j] = _area_factor(x, n, edges, j)
+                p0, p1, p2 = points[0, j], points[1, j], points[2, j]
+                a0, a1, a2 = areas[0, j], areas[1, j], areas[2, j]
+                for k in range(parts.shape[0]):
+                    r0, r1, r2 = p0[k] - y0, p1[k] - y1, p2[k] - y2
+                    up = n0 * r0 + n1 * r1 + n2 * r2
+                    facing = -(a0[k] * r0 + a1[k] * r1 + a2[k] * r2)
+                    square = r0 * r0 + r1 * r1 + r2 * r2
+                    # Kept apart: the sum would hold up what is summed.
+                    parts[k] = max(up, 0.0) * max(facing, 0.0) / (square * square)
+                factors[j] = sum_row(parts) / math.pi
     return left
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _area_factor(x, n, edges, j):
-    """Sum over points of an element that shows both sides or sets below the horizon."""
-    point, normal, origin = edges.area_point, edges.area_normal, edges.edge_origin
-    x0, x1, x2 = x[0] - origin[0], x[1] - origin[1], x[2] - origin[2]
-    total = 0.0
-    for k in range(point.shape[1]):
-        r0, r1, r2 = point[j, k, 0] - x0, point[j, k, 1] - x1, point[j, k, 2] - x2
-        up = n[0] * r0 + n[1] * r1 + n[2] * r2
-        facing = -(normal[j, k, 0] * r0 + normal[j, k, 1] * r1 + normal[j, k, 2] * r2)
-        square = r0 * r0 + r1 * r1 + r2 * r2
-        total += max(up, 0.0) * max(facing, 0.0) / (square * square)
-    return total / math.pi

@@ -294,7 +294,7 @@ def _sum_unit(g, at, placed, factors, sources, found):
         found.sight_seen,
     )
     share, deviation = found.share, found.deviation
-    offset = at - start[group[g, 0]]
+    offset, points, spread = at - start[group[g, 0]], 0, 0.0
     for j in range(group[g, 0], group[g, 1]):
         if factors[j] <= 0.0:
             continue
@@ -306,9 +306,10 @@ def _sum_unit(g, at, placed, factors, sources, found):
         if whole > 0.0:
             part = visible / whole
             share[j] = 1.0 if part > 1.0 - 1e-9 else part
-            deviation[j] = 0.0
-            if 0.0 < share[j] < 1.0:
-                deviation[j] = SIGHT_DEVIATION * (start[j + 1] - start[j]) ** SIGHT_ORDER
+            if start[j + 1] - start[j] != points:
+                points = start[j + 1] - start[j]
+                spread = SIGHT_DEVIATION * points**SIGHT_ORDER
+            deviation[j] = spread if 0.0 < share[j] < 1.0 else 0.0
         elif not placed:
             share[j], deviation[j] = 1.0, 0.0
 
