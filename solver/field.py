@@ -160,7 +160,9 @@ class FieldSolver:
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
         self._add_lamps(light, rows, surfaces)
         with self.stages.run(name or "radiosity"):
-            reflected, products = solve_radiosity(rows.factors, surfaces.reflectance, light.direct)
+            reflected, products = solve_radiosity(
+                rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
+            )
         self.stages.count({"matrix_products": products})
         gathered = self._gathered(light, rows, surfaces, reflected)
         return Field(surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected)
