@@ -26,7 +26,7 @@ from .tables import make_edges, meridians, near_ratio, no_facets, point_distance
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.
-ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 256, 16384
+ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 512, 16384
 #: Rows of variances converted at a time, which then stay in the processor's cache.
 CONVERTED_ROWS = 16
 #: How often a partly hidden element is quartered at most.

@@ -133,7 +133,7 @@ def list_crossing(corners, before, listed, count, crossing):
 
 @nb.njit(cache=True, error_model="numpy")
 def cut_panels(
-    n, facets, own, frame, rounding, local, above, crossing, count, lines, covered, hits
+    n, facets, own, frame, rounding, local, above, crossing, count, unit, lines, covered, hits, crossed
 ):  # fmt: skip
     """Cut the panels that cross meridians about ``n``.
 
@@ -153,11 +153,15 @@ def cut_panels(
         Of the panels, from `list_facing`. [m]
     crossing : (p,) int array
         Panels that turn their front to the receiver, ``count`` of them, from `list_crossing`.
+    unit : (p,) int array
+        Unit of each panel.
     lines : Lines
         Receives the chords.
     covered, hits : (elements,) arrays
         Receive, for elements of panels of their own, the form factor without anything hiding them
         as the chords have it, times the number of meridians, and the number of chords.
+    crossed : (g + 1, lines) bool array
+        Receives which meridians have chords of each unit.
 
     Returns
     -------
@@ -173,6 +177,7 @@ def cut_panels(
     f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
     head[:] = -1
+    crossed[:] = False
     s = 0
     for m in range(count):
         f = crossing[m]
@@ -212,6 +217,7 @@ def cut_panels(
                     panel[s], chain[s] = f, head[line]
                     head[line] = s
                 s += 1
+                crossed[unit[f], line] = True
                 if element >= 0:
                     covered[element] += carried(low, high)
                     hits[element] += 1

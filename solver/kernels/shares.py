@@ -3,7 +3,7 @@
 What the meridians see of the panels is handed on to the elements. Where all chords of a unit, one
 side of one patch, are wholly in sight, its elements are; where none is, none of them is. Only the
 elements of units that are partly hidden are cut themselves. An element that no meridian meets is
-told by one point and the two meridians next to it.
+told by one point and the two meridians next to it, unless both see all, or nothing, of its unit.
 """
 
 import math
@@ -59,6 +59,8 @@ class Shares(NamedTuple):
     state: np.ndarray  # (p,)
     panel_local: np.ndarray  # (4, w) as `cuts.place_points`
     panel_before: np.ndarray  # (w,)
+    panel_unit: np.ndarray  # (p,) unit of each panel
+    crossed: np.ndarray  # (g + 1, lines) which meridians have chords of each unit
     moment: np.ndarray  # (l, 4) of the grids' lines, as `_place_grid`
     views: np.ndarray  # (6, g + p) as `sights.view_blockers`
     blocking: np.ndarray  # (g + p, 2)
@@ -82,6 +84,9 @@ def make_shares(sources):
             first, end = sources.group[g, 0], sources.group[g, 1]
             total += sources.sight_start[end] - sources.sight_start[first]
         k = max(k, total)
+    unit = np.zeros(p, dtype=np.int64)
+    for g in range(sources.unit_ranges.shape[0]):
+        unit[sources.unit_ranges[g, 0] : sources.unit_ranges[g, 1]] = g
     return Shares(
         np.empty(n),
         np.empty(n),
@@ -101,6 +106,8 @@ def make_shares(sources):
         np.empty(p, dtype=np.int64),
         np.empty((4, sources.panel_points.shape[1])),
         np.empty(sources.panel_points.shape[1], dtype=np.int64),
+        unit,
+        np.empty((sources.group.shape[0] + 1, sources.azimuths.shape[0]), dtype=np.bool_),
         np.empty((sources.grid_lines.shape[0], 4)),
         np.empty((6, views)),
         np.empty((views, 2), dtype=np.int64),
@@ -152,7 +159,7 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
     )
     chords = cut_panels(
         n, sources, own, found.frame, rounding, found.panel_local, found.above, found.crossing,
-        crossing, lines, found.covered, found.hits,
+        crossing, found.panel_unit, lines, found.covered, found.hits, found.crossed,
     )  # fmt: skip
     if chords <= lines.panel.shape[0]:
         sweep(
@@ -314,29 +321,46 @@ def share_met(own, factors, found):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def find_pieces(x, n, count, spheres, lines, found):
-    """Find what the meridians next to the elements asked for meet at the height of their middles.
+def share_between(x, n, count, sources, lines, found):
+    """Shares of elements between two meridians that see all, or nothing, of their whole unit.
 
-    Parameters
-    ----------
-    count : int
-        How many elements are asked for.
-    spheres : (n, 4) array
-        Their middles.
+    The others of the first ``count`` that are asked for stay so, with their places; returns how
+    many they are.
     """
-    start, piece, number = lines.start, lines.piece, lines.head.shape[0]
-    asked, place, height, met = found.asked, found.place, found.height, found.met
+    number, kept, g = lines.head.shape[0], 0, 0
+    asked, place, height, crossed = found.asked, found.place, found.height, found.crossed
+    unit, share, deviation = found.unit, found.share, found.deviation
+    group, joined, spheres = sources.group, sources.unit_joined, sources.spheres
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
     f0, f1, f2 = found.frame[0, 0], found.frame[0, 1], found.frame[0, 2]
     g0, g1, g2 = found.frame[1, 0], found.frame[1, 1], found.frame[1, 2]
-    # Searches wait for nothing when places are known beforehand.
     for m in range(count):
         j = asked[m]
+        while group[g, 1] <= j:
+            g += 1
         dx, dy, dz = spheres[j, 0] - x0, spheres[j, 1] - x1, spheres[j, 2] - x2
         lx, ly = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
-        place[m] = azimuth_turn(lx, ly) * number
-        rho = math.sqrt(lx * lx + ly * ly)
-        height[m] = (n0 * dx + n1 * dy + n2 * dz) / rho if rho > 0.0 else ZENITH
+        at, rho = azimuth_turn(lx, ly) * number, math.sqrt(lx * lx + ly * ly)
+        asked[kept], place[kept] = j, at
+        height[kept] = (n0 * dx + n1 * dy + n2 * dz) / rho if rho > 0.0 else ZENITH
+        k = int(at)
+        k = k if k < number else 0
+        after = k + 1 if k + 1 < number else 0
+        alike = joined[g] & ((unit[g] == SHOWN) | (unit[g] == HIDDEN))
+        known = alike & crossed[g, k] & crossed[g, after]
+        share[j], deviation[j] = 1.0 if unit[g] == SHOWN else 0.0, 0.0
+        kept += 0 if known else 1
+    return kept
+
+
+@nb.njit(cache=True, error_model="numpy")
+def find_pieces(count, lines, found):
+    """Find what the meridians next to the elements asked for meet at the height of their middles.
+
+    Apart from finding their places: these searches then wait for nothing.
+    """
+    start, piece, number = lines.start, lines.piece, lines.head.shape[0]
+    place, height, met = found.place, found.height, found.met
     for m in range(count):
         k, row = int(place[m]), height_bin(height[m])
         for side in range(2):
@@ -401,7 +425,8 @@ def find_shares(
     find_partly(x, n, sources, found)
     share_grids(sources, lines, found)
     asked = share_met(own, factors, found)
-    find_pieces(x, n, asked, sources.spheres, lines, found)
+    asked = share_between(x, n, asked, sources, lines, found)
+    find_pieces(asked, lines, found)
     share_asked(asked, sources, blockers, lines, found)
     if sources.sight_units.shape[0]:
         share_bright(x, n, flat, dark, factors, sources, blockers, rounding, count, found)

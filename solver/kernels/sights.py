@@ -9,7 +9,6 @@ meet the view cone of the lamp are asked, and a lamp none of them meets is wholl
 import math
 
 import numba as nb
-import numpy as np
 
 #: Standard deviation of the share of an element by m points, 0 < share < 1: the first times m to
 #: the second. Measured in furnished rooms.
@@ -164,7 +163,12 @@ def hide_points(e, nx, ny, nz, limit, points, first, end, seen):
     """
     a0, a1, a2, b0, b1, b2 = e[0, 0], e[0, 1], e[0, 2], e[1, 0], e[1, 1], e[1, 2]
     c0, c1, c2, d0, d1, d2 = e[2, 0], e[2, 1], e[2, 2], e[3, 0], e[3, 1], e[3, 2]
-    px, py, pz, out = points[0, first:end], points[1, first:end], points[2, first:end], seen[first:end]
+    px, py, pz, out = (
+        points[0, first:end],
+        points[1, first:end],
+        points[2, first:end],
+        seen[first:end],
+    )
     for m in range(out.shape[0]):
         x, y, z = px[m], py[m], pz[m]
         most = max(a0 * x + a1 * y + a2 * z, b0 * x + b1 * y + b2 * z)
@@ -278,9 +282,7 @@ def _hide_cluster(c, x, n, own, near, meeting, dark, sources, blockers, rounding
             if solids[f] == solid:
                 _hide_others(c, f, edges, lx, ly, lz, limit, total, dark, sources, found)
             else:
-                hide_points(
-                    edges, lx, ly, lz, limit, found.sight_place, 0, total, found.sight_seen
-                )
+                hide_points(edges, lx, ly, lz, limit, found.sight_place, 0, total, found.sight_seen)
     return total
 
 
