@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .edges import make_edges, near_ratio, point_distance
 from .errors import NumericsError
 from .kernels.bulk import form_factor_rows
 from .kernels.closure import sum_rows
@@ -22,7 +23,7 @@ from .model.elements import Elements
 from .model.sky import CIESky
 from .quadrics import fit_quadrics, turned
 from .skies import sky_tone
-from .tables import make_edges, meridians, near_ratio, no_facets, point_distance
+from .tables import meridians, no_facets
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.

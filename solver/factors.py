@@ -289,9 +289,10 @@ def patches_under(
 
 def _sources(nets: FloatArray, place: IntArray, cell_eps: FloatArray) -> Sources:
     """Every net as a source element of its own."""
+    from .edges import make_edges
     from .kernels.rows import Sources
     from .quadrics import fit_quadrics
-    from .tables import make_edges, meridians, no_facets
+    from .tables import meridians, no_facets
     from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
     rows = np.arange(len(nets))

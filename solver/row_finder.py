@@ -119,9 +119,10 @@ class RowFinder:
     ) -> FloatArray:
         """Correct ``rows``, in place, by what all directions together must give: ``totals`` (m,).
 
-        Rows that miss it by more than they say, and than matters, are found anew first. With ``outside``, sky and
-        ground as the meridians saw them count among the elements; ``spread`` (m,) is the variance
-        of ``totals``. Returns the sums of the rows before the correction.
+        Rows that miss it by more than they say, and by more than matters, are found anew first.
+        With ``outside``, sky and ground as the meridians saw them count among the elements;
+        ``spread`` (m,) is the variance of ``totals``. Returns the sums of the rows before the
+        correction.
         """
         if not self._sums_known or not self.trace:
             return rows.sums[:, 0].copy()

@@ -143,7 +143,7 @@ def form_factor_rows(
     factors, variances : (m, n) array
         Receive the mean form factor and the variance of its sampled part.
     outside : (m, 5) array
-        Receives what the meridians see of sky and ground, as `meridian.sweep`.
+        Receives what the meridians see of sky and ground, as `sweep.sweep`.
     sums : (m, 2) array
         Receives the sums of factors and variances.
     counters : (m, 5) int array

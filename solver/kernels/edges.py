@@ -77,7 +77,7 @@ def mean_factors(x, n, edges, square_from, factors):
     ----------
     square_from : (n,) array
         Square of the distance from which it is good enough for each element, see
-        `tables.point_distance`. [m²]
+        `edges.point_distance`. [m²]
     factors : (n,) array
         Receives those of elements seen from the front and wholly above the horizon, 0 for what is
         wholly dark, `OPEN` for all others.

@@ -222,7 +222,7 @@ def _place_cluster(c, x, n, dark, sources, found):
 
 @nb.njit(cache=True, error_model="numpy")
 def _hide_others(c, f, e, nx, ny, nz, limit, total, dark, sources, found):
-    """`hide_points` for all points of cluster ``c`` but those of the unit that panel ``f`` is of."""
+    """`hide_points` for all of cluster ``c`` but the unit that panel ``f`` is of."""
     clusters, ranges, start = sources.sight_clusters, sources.unit_ranges, sources.sight_start
     at, low, high = 0, 0, 0
     for u in range(clusters[c, 0], clusters[c, 1]):
