@@ -21,7 +21,9 @@ def check_absorbs(factors: FloatArray, reflectance: FloatArray) -> float:
     Below 1 the inverse of I − ρ F is bounded by 1 / (1 − that share) in the maximum norm; in a
     closed scene that absorbs nothing the light grows without end and no balance exists.
     """
-    share = float((reflectance.max(axis=1) * factors.sum(axis=1)).max(initial=0.0))
+    # A product with ones uses all threads, a sum over rows does not.
+    sums = factors @ np.ones(factors.shape[1])
+    share = float((reflectance.max(axis=1) * sums).max(initial=0.0))
     if share >= 1.0 - 1e-9 and float((reflectance.min(axis=1)).min()) >= 1.0 - 1e-9:
         raise NumericsError(
             f"no surface absorbs light (reflectance 1 everywhere, largest ρ ΣF = {share:.6f}): "
