@@ -1,7 +1,7 @@
 """Rows of form factors, every pair at the price it is worth.
 
-From each node all elements are done in three steps: the exact unoccluded factors (`edges` for
-distant elements, `patch_factor` for the others), the visible share of each along meridian planes
+From each node all elements are done in three steps: the unoccluded factors (`edges` for distant
+elements, `patch_factor` for the others), the visible share of each along meridian planes
 (`meridian`, `shares`) or by lines of sight (`sights`, for bright elements), and pyramid tracing
 (`rows`) for the pairs whose unoccluded factor is large. Which pairs are traced depends on the
 unoccluded factor alone: to choose by what the meridians found would lose what they missed.
