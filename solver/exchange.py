@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .edges import make_edges, near_ratio, point_distance
 from .errors import NumericsError
 from .kernels.bulk import form_factor_rows
+from .kernels.closure import sum_rows
+from .kernels.edges import Edges
 from .kernels.facets import Facets
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
@@ -20,11 +23,11 @@ from .model.elements import Elements
 from .model.sky import CIESky
 from .quadrics import fit_quadrics, turned
 from .skies import sky_tone
-from .tables import make_edges, meridians, near_ratio, no_facets
+from .tables import meridians, no_facets
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.
-ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 256, 16384
+ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 512, 16384
 #: Rows of variances converted at a time, which then stay in the processor's cache.
 CONVERTED_ROWS = 16
 #: How often a partly hidden element is quartered at most.
@@ -54,16 +57,32 @@ class Rows:
     outside : (m, 5) array
         What the meridians saw of sky and ground: luminance times form factor of the sky [cd/m²],
         form factors of sky and ground, variances of the first and the last.
+    sums : (m, 2) array, optional
+        Sums of the factors and of their variances, found here unless they are given. Who changes
+        the rows keeps them true.
     """
 
     factors: FloatArray
     variances: NDArray[np.float32]
     counters: dict[str, int]
     outside: FloatArray
+    sums: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+
+    def __post_init__(self) -> None:
+        if len(self.sums) != len(self.factors):
+            sums = np.empty((len(self.factors), 2))
+            sum_rows(writable(self.factors), writable(self.variances, np.float32), sums)
+            object.__setattr__(self, "sums", sums)
 
     def take(self, rows: IntArray) -> Rows:
         """Some of them, with the counters of all."""
-        return Rows(self.factors[rows], self.variances[rows], self.counters, self.outside[rows])
+        parts = (self.factors[rows], self.variances[rows], self.counters, self.outside[rows])
+        return Rows(*parts, self.sums[rows])
+
+    def put(self, rows: IntArray, other: Rows) -> None:
+        """Replace some of them."""
+        self.factors[rows], self.variances[rows] = other.factors, other.variances
+        self.outside[rows], self.sums[rows] = other.outside, other.sums
 
     def variance_of(self, light: FloatArray) -> FloatArray:
         """Variance (m,) of what the receivers gather when the elements send ``light`` (n,)."""
@@ -87,11 +106,16 @@ class Scan:
         Meridians about each node.
     exact_above : (n,) array
         Unoccluded form factor above which a pair is traced by pyramids all the same.
+    point_eps : float
+        Error allowed to the unoccluded factor of a distant element told by one point, relative to
+        the factor of one that faces the receiver; 0 for none. Elements with lines of sight are
+        never done so.
     """
 
     facets: Facets
     lines: int
     exact_above: FloatArray
+    point_eps: float = 0.0
 
 
 def make_sources(
@@ -118,9 +142,19 @@ def make_sources(
     flip = elements.side[first] == 1
     group_nets[flip] = group_nets[flip][:, ::-1]
     flags = shape_flags(group_nets)
+    cones = normal_cones(elements.nets)
+    edges = make_edges(
+        elements.nets,
+        patch_nets,
+        elements.patch_index,
+        elements.boxes,
+        elements.side,
+        cones,
+        shared=scan is None,
+    )
     return Sources(
         nets=writable(elements.nets),
-        cones=normal_cones(elements.nets),
+        cones=cones,
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
         quadrics=writable(
@@ -134,11 +168,18 @@ def make_sources(
         group_spheres=bounding_spheres(group_nets),
         azimuths=meridians(0 if scan is None else scan.lines),
         exact_above=np.zeros(len(key)) if scan is None else writable(scan.exact_above),
-        **make_edges(
-            elements.nets, patch_nets, elements.patch_index, elements.boxes, elements.side
-        )._asdict(),
+        point_from=_point_from(edges, scan),
+        **edges._asdict(),
         **(no_facets() if scan is None else scan.facets)._asdict(),
     )
+
+
+def _point_from(edges: Edges, scan: Scan | None) -> FloatArray:
+    """Square of the distance (n,) from which elements are told by one point. [m²]"""
+    if scan is None or scan.point_eps == 0.0:
+        return np.full(edges.mean_point.shape[1], np.inf)
+    told = np.diff(scan.facets.sight_start) > 0
+    return np.where(told, np.inf, point_distance(edges, scan.point_eps) ** 2)
 
 
 def form_factor_matrix(
@@ -195,7 +236,7 @@ def form_factor_matrix(
     check_matrix(m, n)
     factors, variances = np.zeros((m, n)), np.zeros((m, n), dtype=np.float32)
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
-    outside = np.zeros((m, 5))
+    outside, sums = np.zeros((m, 5)), np.zeros((m, 2))
     # Without a sky its form factor is still asked for: one of 1 cd/m² all over tells its variance.
     tone = sky_tone(CIESky(5, zenith_luminance_cd_m2=1.0) if sky is None else sky)
     own = np.full(m, -1) if own is None else own
@@ -222,12 +263,14 @@ def form_factor_matrix(
             factors[rows],
             variances[rows],
             outside[rows],
+            sums[rows],
             counters[rows],
         )
-        if not np.isfinite(factors[rows]).all():
+        if not np.isfinite(sums[rows, 0]).all():
             i, j = np.argwhere(~np.isfinite(factors[rows]))[0]
             raise NumericsError(f"form factor from receiver {start + i} to element {j}: not finite")
         if progress is not None:
             progress(rows.stop, m)
     total = counters.sum(axis=0)
-    return Rows(factors, variances, {name: int(total[c]) for name, c in COUNTERS.items()}, outside)
+    counted = {name: int(total[c]) for name, c in COUNTERS.items()}
+    return Rows(factors, variances, counted, outside, sums)

@@ -295,9 +295,10 @@ def _sources(
     cell_eps: FloatArray,
 ) -> Sources:
     """Every net as a source element of its own; ``place`` names its surface."""
+    from .edges import make_edges
     from .kernels.rows import Sources
     from .quadrics import fit_quadrics
-    from .tables import make_edges, meridians, no_facets
+    from .tables import meridians, no_facets
     from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
     # Turned about or over, a surface differs from its source.
@@ -327,7 +328,8 @@ def _sources(
         group_spheres=spheres.copy(),
         azimuths=meridians(0),
         exact_above=np.zeros(len(nets)),
-        **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64))._asdict(),
+        point_from=np.full(len(nets), np.inf),
+        **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64), cones)._asdict(),
         **no_facets()._asdict(),
     )
 

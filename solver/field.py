@@ -38,6 +38,9 @@ SENSOR_SHARE = 0.1
 SENSOR_EXACT = 0.025
 #: Exitance of elements told by lines of sight, against the mean of all surfaces.
 BRIGHT = 4.0
+#: Error of factors told by one point against that of other unoccluded factors: it has either sign,
+#: and few elements come near to it.
+POINT_SHARE = 2.5
 #: Elements smaller than this share of the aimed size get a single node.
 SMALL = 0.2
 
@@ -157,7 +160,9 @@ class FieldSolver:
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
         self._add_lamps(light, rows, surfaces)
         with self.stages.run(name or "radiosity"):
-            reflected, products = solve_radiosity(rows.factors, surfaces.reflectance, light.direct)
+            reflected, products = solve_radiosity(
+                rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
+            )
         self.stages.count({"matrix_products": products})
         gathered = self._gathered(light, rows, surfaces, reflected)
         return Field(surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected)
@@ -171,6 +176,7 @@ class FieldSolver:
             cell_eps=sources.cell_eps * SENSOR_SHARE,
             exact_above=sources.cell_eps * (SENSOR_EXACT * budget.exact_above / budget.cell_eps),
             azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
+            point_from=np.full_like(sources.point_from, np.inf),
         )
         with self.stages.run("sensors") as tell:
             asked = Ask(budget, receivers, fine, share=FINE_SHARE)
@@ -240,15 +246,15 @@ class FieldSolver:
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
-        scan = Scan(facets, budget.lines, exact_above)
+        scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
         return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
 
     def _sees_out(self, rows: Rows, lit: np.ndarray) -> bool:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
         if self.in_cavity:
             return False
-        missing = 1.0 - rows.factors.sum(axis=1)[lit]
-        noise = 3.0 * np.sqrt(rows.variances.sum(axis=1, dtype=np.float64)[lit]) + 1e-4
+        missing = 1.0 - rows.sums[lit, 0]
+        noise = 3.0 * np.sqrt(rows.sums[lit, 1]) + 1e-4
         leaves = missing > noise
         if self.trace:
             # What the meridians met is known besides: a row that meets something on all of them

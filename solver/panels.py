@@ -7,6 +7,7 @@ made of.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -72,53 +73,60 @@ def make_panels(
             break
         group = np.unique(keys[rows], axis=0, return_inverse=True)[1].ravel()
         outline, fits = _outlines(vertices, corners[rows], boxes[rows], group)
-        order = rows[np.argsort(group, kind="stable")]
-        start = np.concatenate([[0], np.cumsum(np.bincount(group))])
-        for g in np.flatnonzero(fits):
-            own = order[start[g] : start[g + 1]]
-            found = _grid(vertices, corners[own], boxes[own])
-            if found is None:
-                continue
-            *lines, cells = found
-            out[own[0]], grid[own[0]] = outline[g], len(panels.cells)
-            panels.lines.append((lines[0], lines[1]))
-            panels.cells.append(own[cells])
-            free[own], kept[own[1:]] = False, False
+        for some, across, along, cells in _grids(vertices, corners[rows], boxes[rows], group, fits):
+            own = rows[cells]
+            first = own.min(axis=(1, 2))
+            kept[own], free[own], kept[first] = False, False, True
+            out[first] = outline[some]
+            grid[first] = len(panels.cells) + np.arange(len(some))
+            panels.lines += list(zip(across, along, strict=True))
+            panels.cells += list(own)
     panels.corners, panels.facet, panels.grid = out[kept], np.flatnonzero(kept), grid[kept]
     return panels
 
 
-def _grid(
-    vertices: FloatArray, corners: IntArray, boxes: FloatArray
-) -> tuple[IntArray, IntArray, IntArray] | None:
-    """Ends (l, 2) of the lines along v and along u, and facets (nu, nv), if they are a grid."""
-    at_u, u = np.unique(boxes[:, 0], return_inverse=True)
-    at_v, v = np.unique(boxes[:, 2], return_inverse=True)
-    cells = np.full((len(at_u), len(at_v)), -1)
-    cells[u, v] = np.arange(len(boxes))
-    if cells.size != len(boxes) or cells.min() < 0:
-        return None
-    grid = corners[cells]
-    # Facets side by side share the corners between them.
-    if (grid[1:, :, [0, 3]] != grid[:-1, :, [1, 2]]).any():
-        return None
-    if (grid[:, 1:, [0, 1]] != grid[:, :-1, [3, 2]]).any():
-        return None
-    points = np.empty((len(at_u) + 1, len(at_v) + 1), dtype=np.int64)
-    points[:-1, :-1], points[1:, :-1] = grid[:, :, 0], grid[:, :, 1]
-    points[-1, -1], points[:-1, -1], points[1:, -1] = (
-        grid[-1, -1, 2],
-        grid[:, -1, 3],
-        grid[:, -1, 2],
-    )
-    for rows in (points[1:-1], points[:, 1:-1].T):
-        first, last = vertices[rows[:, 0]], vertices[rows[:, -1]]
-        along = last - first
-        size = np.linalg.norm(along, axis=1)
-        off = np.cross(vertices[rows] - first[:, None], along[:, None])
-        if (np.linalg.norm(off, axis=2) > STRAIGHT * (size**2)[:, None]).any():
-            return None
-    return points[1:-1][:, [0, -1]], points[:, 1:-1].T[:, [0, -1]], cells
+def _grids(
+    vertices: FloatArray, corners: IntArray, boxes: FloatArray, group: IntArray, fits: BoolArray
+) -> Iterator[tuple[IntArray, IntArray, IntArray, IntArray]]:
+    """Those groups that are grids with straight lines, all of one shape at a time.
+
+    Yields the groups (k,), ends (k, nu − 1, 2) and (k, nv − 1, 2) of their lines along v and along
+    u, and their facets (k, nu, nv).
+    """
+    size = np.bincount(group)
+    order = np.lexsort((boxes[:, 2], boxes[:, 0], group))
+    start = np.cumsum(size) - size
+    u, of = boxes[order, 0], group[order]
+    columns = np.bincount(of, np.diff(u, prepend=np.nan) != 0.0, len(size)).astype(np.int64)
+    # The first of a group begins a column, though the group before may end with the same u.
+    same = (np.diff(u, prepend=np.nan) == 0.0) & (np.diff(of, prepend=-1) != 0)
+    columns += np.bincount(of, same, len(size)).astype(np.int64)
+    whole = fits & (columns > 0) & (size % np.maximum(columns, 1) == 0)
+    shapes = np.stack([columns, size // np.maximum(columns, 1)], axis=1)
+    for nu, nv in np.unique(shapes[whole], axis=0):
+        some = np.flatnonzero(whole & (shapes == (nu, nv)).all(axis=1))
+        cells = order[start[some, None] + np.arange(nu * nv)].reshape(-1, nu, nv)
+        u, v, grid = boxes[cells, 0], boxes[cells, 2], corners[cells]
+        good = (u == u[:, :, :1]).all(axis=(1, 2)) & (v == v[:, :1]).all(axis=(1, 2))
+        # Facets side by side share the corners between them.
+        good &= (grid[:, 1:, :, [0, 3]] == grid[:, :-1, :, [1, 2]]).all(axis=(1, 2, 3))
+        good &= (grid[:, :, 1:, [0, 1]] == grid[:, :, :-1, [3, 2]]).all(axis=(1, 2, 3))
+        points = np.empty((len(some), nu + 1, nv + 1), dtype=np.int64)
+        points[:, :-1, :-1], points[:, 1:, :-1] = grid[..., 0], grid[..., 1]
+        points[:, -1, -1], points[:, :-1, -1] = grid[:, -1, -1, 2], grid[:, :, -1, 3]
+        points[:, 1:, -1] = grid[:, :, -1, 2]
+        across, along = points[:, 1:-1], points[:, :, 1:-1].transpose(0, 2, 1)
+        good &= _straight(vertices, across) & _straight(vertices, along)
+        if good.any():
+            yield some[good], across[good][..., [0, -1]], along[good][..., [0, -1]], cells[good]
+
+
+def _straight(vertices: FloatArray, lines: IntArray) -> BoolArray:
+    """Whether all lines (k, l, m) of each of k grids are straight."""
+    points = vertices[lines]
+    first, along = points[:, :, :1], points[:, :, -1:] - points[:, :, :1]
+    off = np.linalg.norm(np.cross(points - first, along), axis=3)
+    return np.asarray((off <= STRAIGHT * (along**2).sum(axis=3)).all(axis=(1, 2)))
 
 
 def _outlines(

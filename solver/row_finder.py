@@ -25,6 +25,8 @@ FINE_SHARE = 0.1
 #: How often wrong rows are found anew, how much finer each time, and the inverse of the share of
 #: the rows that this is done for at most: all together cost no more than twice the first pass.
 LEVELS, FINER = 2, 4
+#: Defect of a row, for each unit of accuracy asked for, that is left to the correction alone.
+WORTH = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,30 +119,30 @@ class RowFinder:
     ) -> FloatArray:
         """Correct ``rows``, in place, by what all directions together must give: ``totals`` (m,).
 
-        Rows that miss it by more than they say are found anew first. With ``outside``, sky and
-        ground as the meridians saw them count among the elements; ``spread`` (m,) is the variance
-        of ``totals``. Returns the sums of the rows before the correction.
+        Rows that miss it by more than they say, and by more than matters, are found anew first.
+        With ``outside``, sky and ground as the meridians saw them count among the elements;
+        ``spread`` (m,) is the variance of ``totals``. Returns the sums of the rows before the
+        correction.
         """
         if not self._sums_known or not self.trace:
-            return np.asarray(rows.factors.sum(axis=1))
+            return rows.sums[:, 0].copy()
         known: dict[str, Any] = {"eps": self._eps(ask), "outside": outside, "spread": spread}
+        worth = known | {"eps": max(known["eps"], WORTH * ask.budget.accuracy)}
         for level in range(1, LEVELS + 1):
-            found = rows_beyond_noise(rows, totals, **known)
+            found = rows_beyond_noise(rows, totals, **worth)
             found = found[: -(-len(rows.factors) // FINER**level)]
             if not len(found):
                 break
-            new = self.rows(ask.finer(found, FINER**level))
-            rows.factors[found], rows.variances[found] = new.factors, new.variances
-            rows.outside[found] = new.outside
+            rows.put(found, self.rows(ask.finer(found, FINER**level)))
             self.stages.count({"rows_redone": len(found)})
         wrong = rows_beyond_noise(rows, totals, **known)
-        sums = rows.factors.sum(axis=1)
+        sums = rows.sums[:, 0].copy()
         count = close_rows(rows, totals, **known)
         self.stages.count({"rows_closed": count, "rows_beyond_noise": len(wrong)})
-        change = np.abs(rows.factors.sum(axis=1) - sums)[wrong]
+        change = np.abs(rows.sums[:, 0] - sums)[wrong]
         if len(wrong) and change.max() > ask.budget.accuracy:
             self.stages.warnings.append(
                 f"{len(wrong)} rows of form factors were wrong by up to {change.max():.1%}, more "
                 "than their sampling explains; they were scaled to sum to what they must"
             )
-        return np.asarray(sums)
+        return sums

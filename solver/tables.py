@@ -1,108 +1,23 @@
-"""Edges and facets of elements, as the bulk kernels want them."""
+"""Facets of elements, as the bulk kernels want them."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .kernels.edges import Edges
 from .kernels.facets import Facets
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import gauss_rule, surface_points
+from .model.bezier import surface_points
 from .model.elements import Elements
 from .panels import make_panels, split_concave
 from .topology import writable
 
-#: Gauss nodes on an edge, and along u and v inside an element.
-EDGE_NODES = 4
 #: Largest turn of tangent or normal over a facet. [rad]
 FACET_TURN = math.radians(12.0)
 #: Most facets of an element along u or v.
 MAX_FACETS = 8
-
-
-def near_ratio(eps: float) -> float:
-    """Distance over radius from which `EDGE_NODES` on an edge give relative accuracy ``eps``.
-
-    A straight edge of half-length h <= r at distance a r from its nearest point has the poles of
-    1/|H|² on the Bernstein ellipse ϱ = a + sqrt(a² + 1), and g nodes leave about ϱ^(−2 g) [1]; the
-    sum over the edges cancels one power of the distance. The ratio is taken 1.5 times, for edges
-    that bend.
-
-    References
-    ----------
-    .. [1] L. N. Trefethen, "Approximation Theory and Approximation Practice", SIAM, 2013, thm 19.3.
-    """
-    rho = eps ** (-0.5 / EDGE_NODES)
-    return 1.0 + 1.5 * 0.5 * (rho - 1.0 / rho)
-
-
-def make_edges(
-    nets: FloatArray, patch_nets: FloatArray, patch: IntArray, boxes: FloatArray, side: IntArray
-) -> Edges:
-    """Gauss nodes on the edges of all elements; edges of neighbours in a patch are one.
-
-    Parameters
-    ----------
-    nets : (n, 4, 4, 4) array
-        Control nets of the elements.
-    patch_nets : (p, 4, 4, 4) array
-        Control nets of the patches.
-    patch, side : (n,) int arrays
-        Patch and side of each element.
-    boxes : (n, 4) array
-        u0, u1, v0, v1 of each element in its patch.
-    """
-    n = len(nets)
-    u0, u1, v0, v1 = boxes.T
-    patch = patch.astype(np.float64)
-    along_u, along_v = np.zeros(n), np.ones(n)
-    # Direction, patch, fixed parameter, first and last of the running one.
-    keys = np.stack(
-        [
-            np.stack([along_u, patch, v0, u0, u1], axis=1),
-            np.stack([along_v, patch, u1, v0, v1], axis=1),
-            np.stack([along_u, patch, v1, u0, u1], axis=1),
-            np.stack([along_v, patch, u0, v0, v1], axis=1),
-        ],
-        axis=1,
-    ).reshape(-1, 5)
-    unique, inverse = np.unique(keys, axis=0, return_inverse=True)
-    origin = (nets[..., :3] / nets[..., 3:]).reshape(-1, 3).mean(axis=0)
-    rule, weight = gauss_rule(EDGE_NODES)
-    length = (unique[:, 4] - unique[:, 3])[:, None]
-    # Both ends behind the nodes.
-    running = unique[:, 3:4] + length * np.append(rule, (0.0, 1.0))
-    fixed = np.repeat(unique[:, 2:3], EDGE_NODES + 2, axis=1)
-    is_v = unique[:, :1] == 1.0
-    point, su, sv = surface_points(
-        patch_nets[unique[:, 1].astype(np.int64)],
-        np.where(is_v, fixed, running),
-        np.where(is_v, running, fixed),
-    )
-    tangent = np.where(is_v[:, :, None], sv, su)[:, :-2] * (length * weight)[:, :, None]
-    # From afar all of a contour but its area cancels: its tangents are made to sum to nothing.
-    missed = point[:, -1] - point[:, -2] - tangent.sum(axis=1)
-    tangent += missed[:, None] * weight[:, None]
-    point = point[:, :-2] - origin
-    moment = np.cross(point, tangent)
-    u, v = (
-        np.broadcast_to(g.ravel(), (n, EDGE_NODES**2))
-        for g in np.meshgrid(rule, rule, indexing="ij")
-    )
-    inside, su, sv = surface_points(nets, u, v)
-    area = np.cross(su, sv) * np.outer(weight, weight).ravel()[:, None]
-    return Edges(
-        edge_origin=writable(origin),
-        edge_point=writable(point.transpose(2, 1, 0)),
-        edge_tangent=writable(tangent.transpose(2, 1, 0)),
-        edge_moment=writable(moment.transpose(2, 1, 0)),
-        edge_of=writable(inverse.reshape(n, 4), np.int64),
-        edge_sign=writable(1.0 - 2.0 * side),
-        area_point=writable(inside - origin),
-        area_normal=writable(area),
-    )
 
 
 def _turns(vectors: FloatArray, axis: int) -> FloatArray:
@@ -118,6 +33,27 @@ def _turns(vectors: FloatArray, axis: int) -> FloatArray:
 
 def facet_counts(nets: FloatArray) -> IntArray:
     """How many facets (n, 2) each element gets along u and v."""
+    counts = np.ones((len(nets), 2), dtype=np.int64)
+    rows = np.flatnonzero(~_flat_and_straight(nets))
+    counts[rows] = _counts_by_turns(nets[rows])
+    return counts
+
+
+def _flat_and_straight(nets: FloatArray) -> NDArray[np.bool_]:
+    """Which nets (n,) are evenly spaced along u and v, with equal weights, in a plane."""
+    points = nets[..., :3] / nets[..., 3:]
+    size = np.abs(points - points[:, :1, :1]).max(axis=(1, 2, 3))
+    weights = nets[..., 3]
+    straight = np.ptp(weights, axis=(1, 2)) <= 1e-12 * weights.max(axis=(1, 2))
+    for axis in (1, 2):
+        bend = np.abs(np.diff(points, n=2, axis=axis)).max(axis=(1, 2, 3))
+        straight &= bend <= 1e-10 * size
+    a, b, c = (points[:, i, j] - points[:, 0, 0] for i, j in ((3, 0), (0, 3), (3, 3)))
+    volume = np.abs(np.einsum("nk,nk->n", np.cross(a, b), c))
+    return np.asarray(straight & (volume <= 1e-10 * size**3))
+
+
+def _counts_by_turns(nets: FloatArray) -> IntArray:
     t = np.linspace(0.0, 1.0, 5)
     u, v = (np.broadcast_to(g.ravel(), (len(nets), 25)) for g in np.meshgrid(t, t, indexing="ij"))
     _, su, sv = (a.reshape(len(nets), 5, 5, 3) for a in surface_points(nets, u, v))
@@ -222,12 +158,12 @@ def _pack(
     for g in np.flatnonzero(start[1:] > start[:-1]):
         some = outline[start[g] : start[g + 1]]
         ranges[g, 2:] = some.min(), some.max() + 1
-    lines, sizes, rows, count = [], [], 0, 0
-    for row in np.flatnonzero(found.grid >= 0):
-        g = found.grid[row]
-        sizes.append([*found.cells[g].shape, rows, count])
-        lines += _directed(vertices, found.lines[g], -1.0 if turned[row] else 1.0)
-        rows, count = rows + sum(map(len, found.lines[g])), count + found.cells[g].size
+    joined = np.flatnonzero(found.grid >= 0)
+    ends = [found.lines[g] for g in found.grid[joined]]
+    sizes = np.zeros((len(joined), 4), dtype=np.int64)
+    sizes[:, :2] = np.reshape([found.cells[g].shape for g in found.grid[joined]], (-1, 2))
+    sizes[1:, 2] = np.cumsum((sizes[:, 0] - 1) + (sizes[:, 1] - 1))[:-1]
+    sizes[1:, 3] = np.cumsum(sizes[:, 0] * sizes[:, 1])[:-1]
     no_backs = np.full(len(back), -1)
     return Facets(
         panel_points=writable(vertices[used].T),
@@ -238,12 +174,12 @@ def _pack(
         panel_grid=writable(np.append(_numbered(found.grid), no_backs), np.int64),
         unit_ranges=ranges,
         unit_joined=np.bincount(of, found.grid >= 0, len(units)) > 0,
-        grid_size=writable(np.reshape(sizes, (-1, 4)), np.int64),
-        grid_lines=writable(np.concatenate([np.empty((0, 2, 3)), *lines])),
+        grid_size=sizes,
+        grid_lines=writable(_directed(vertices, ends, turned[joined])),
         grid_element=writable(
             np.concatenate(
                 [np.empty(0, np.int64)]
-                + [element[found.cells[g]].ravel() for g in found.grid[found.grid >= 0]]
+                + [element[found.cells[g]].ravel() for g in found.grid[joined]]
             ),
             np.int64,
         ),
@@ -257,18 +193,20 @@ def _numbered(grid: IntArray) -> IntArray:
 
 
 def _directed(
-    vertices: FloatArray, ends: tuple[IntArray, IntArray], side: float
-) -> list[FloatArray]:
-    """A point and a direction (l, 2, 3) of the lines along v and those along u of one grid.
+    vertices: FloatArray, grids: list[tuple[IntArray, IntArray]], turned: NDArray[np.bool_]
+) -> FloatArray:
+    """A point and a direction (l, 2, 3) of the lines along v, then along u, of all grids.
 
     Seen from the front, what follows in the grid is where (point − x) × direction points to.
     """
-    out = []
-    for which, own in enumerate(ends):
-        first, last = vertices[own[:, 0]], vertices[own[:, 1]]
-        # Columns follow each other to the right of v, rows to the left of u, about u × v.
-        out.append(np.stack([first, (last - first) * (-side if which else side)], axis=1))
-    return out
+    none = np.empty((0, 2), dtype=np.int64)
+    ends = np.concatenate([none] + [own for grid in grids for own in grid])
+    # Columns follow each other to the right of v, rows to the left of u, about u × v.
+    sign = np.array([[1.0, -1.0]]) * np.where(turned, -1.0, 1.0)[:, None]
+    counts = np.reshape([[len(own) for own in grid] for grid in grids], (-1, 2)).astype(np.int64)
+    first, last = vertices[ends[:, 0]], vertices[ends[:, 1]]
+    towards = np.repeat(sign.ravel(), counts.ravel())[:, None]
+    return np.stack([first, (last - first) * towards], axis=1)
 
 
 def _facet_normals(points: FloatArray) -> tuple[FloatArray, FloatArray]:

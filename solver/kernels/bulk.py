@@ -1,7 +1,7 @@
 """Rows of form factors, every pair at the price it is worth.
 
-From each node all elements are done in three steps: the exact unoccluded factors (`edges` for
-distant elements, `patch_factor` for the others), the visible share of each along meridian planes
+From each node all elements are done in three steps: the unoccluded factors (`edges` for distant
+elements, `patch_factor` for the others), the visible share of each along meridian planes
 (`meridian`, `shares`) or by lines of sight (`sights`, for bright elements), and pyramid tracing
 (`rows`) for the pairs whose unoccluded factor is large. Which pairs are traced depends on the
 unoccluded factor alone: to choose by what the meridians found would lose what they missed.
@@ -14,8 +14,9 @@ import math
 import numba as nb
 import numpy as np
 
+from .closure import sum_row
 from .contour import horizon_tolerance, shift_net
-from .edges import NEAR, edge_integrals, far_factors, find_dark
+from .edges import far_factors, find_dark, mean_factors
 from .meridian import make_lines
 from .nets import CONCAVE, CONVEX, PLANAR
 from .patch_factor import patch_factor
@@ -49,28 +50,29 @@ def _find_dark(x, n, own_patch, own, sources, blockers, dark):
 @nb.njit(cache=True, error_model="numpy")
 def _unoccluded(
     x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, dark, factors,
-    found, counters,
+    near, counters,
 ):  # fmt: skip
     """Unoccluded form factors from one node to all elements into ``factors`` (n,)."""
     _find_dark(x, n, own_patch, own, sources, blockers, dark)
-    edge_integrals(x, n, sources, integral)
-    far_factors(
-        x, n, sources, sources.group, dark, integral, sources.cones, sources.spheres, near_ratio,
-        eps, factors, found,
+    mean_factors(x, n, sources, sources.point_from, factors)
+    left = far_factors(
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, near_ratio, eps,
+        sources.azimuths.shape[0] == 0, integral, factors, near,
     )  # fmt: skip
+    for m in range(left):
+        j = near[m]
+        patch = sources.patch[j]
+        solid = blockers.solid[patch]
+        same = own_patch >= 0 and blockers.solid[own_patch] == solid
+        inside = same and blockers.hollow[solid]
+        front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
+        shift_net(sources.nets[j], x, s)
+        factors[j] = patch_factor(
+            s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
+        )
     none = 0
     for j in range(factors.shape[0]):
-        if found[j] == NEAR:
-            patch = sources.patch[j]
-            solid = blockers.solid[patch]
-            same = own_patch >= 0 and blockers.solid[own_patch] == solid
-            inside = same and blockers.hollow[solid]
-            front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
-            shift_net(sources.nets[j], x, s)
-            factors[j] = patch_factor(
-                s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
-            )
-        none += factors[j] == 0.0
+        none += 1 if factors[j] == 0.0 else 0
     counters[DARK_PAIRS] += none
 
 
@@ -99,18 +101,17 @@ def _add(weight, single, wanted, share, deviation, factors, variances):
     """Add what one node sees of all elements that are not ``wanted``; returns how many they are."""
     count = 0
     for j in range(single.shape[0]):
-        if single[j] > 0.0 and not wanted[j]:
-            value = weight * single[j]
-            factors[j] += value * share[j]
-            variances[j] += (value * deviation[j]) ** 2
-            count += 1
+        value = 0.0 if wanted[j] else weight * single[j]
+        factors[j] += value * share[j]
+        variances[j] += (value * deviation[j]) ** 2
+        count += 1 if value > 0.0 else 0
     return count
 
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
 def form_factor_rows(
     nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
-    trace, levels, tone, chunks, factors, variances, outside, counters,
+    trace, levels, tone, chunks, factors, variances, outside, sums, counters,
 ):  # fmt: skip
     """Form factors from receivers with q nodes each to all sources.
 
@@ -142,7 +143,9 @@ def form_factor_rows(
     factors, variances : (m, n) array
         Receive the mean form factor and the variance of its sampled part.
     outside : (m, 5) array
-        Receives what the meridians see of sky and ground, as `meridian.sweep`.
+        Receives what the meridians see of sky and ground, as `sweep.sweep`.
+    sums : (m, 2) array
+        Receives the sums of factors and variances.
     counters : (m, 5) int array
         `rows.DARK_PAIRS` … `rows.CELLS`.
     """
@@ -152,7 +155,7 @@ def form_factor_rows(
     size = (count + chunks - 1) // chunks
     for chunk in nb.prange(chunks):
         integral = np.empty(sources.edge_point.shape[2])
-        single, found = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
+        single, near = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
         s, dark = np.empty((4, 4, 4)), np.empty(sources.group.shape[0], dtype=np.bool_)
         x, n, lifted = np.empty(3), np.empty(3), np.empty(3)
         scratch = make_scratch(p if trace else 0, levels)
@@ -170,7 +173,7 @@ def form_factor_rows(
                 rounding = horizon_tolerance(x)
                 _unoccluded(
                     x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding,
-                    integral, s, dark, single, found, counters[i],
+                    integral, s, dark, single, near, counters[i],
                 )  # fmt: skip
                 if not trace:
                     counters[i, UNOCCLUDED] += _add_plain(weight, single, factors[i])
@@ -196,3 +199,5 @@ def form_factor_rows(
                         x, n, patches[i], sources, blockers, eps, scratch, wanted, single, s,
                         weight, factors[i], variances[i], counters[i],
                     )  # fmt: skip
+            # While the row is still at hand.
+            sums[i, 0], sums[i, 1] = sum_row(factors[i]), sum_row(variances[i])

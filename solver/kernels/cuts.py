@@ -57,8 +57,8 @@ def tangent_frame(n, turn, frame):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def place_points(x, n, frame, points, first, end, axes, local):
-    """Places of the points ``first`` … ``end`` about a receiver.
+def place_points(x, n, frame, points, axes, local, before):
+    """Places of points about a receiver.
 
     Parameters
     ----------
@@ -66,34 +66,41 @@ def place_points(x, n, frame, points, first, end, axes, local):
         The points. [m]
     axes : (3 lines, 2) array
         Cosine and sine of the azimuths of the meridians, three times over.
-    local : (v, 4) array
+    local : (4, v) array
         Receives along the frame and the normal where each point is [m], and the number of the last
         meridian before it, with a fraction.
+    before : (v,) int array
+        Receives these numbers without fraction.
     """
     lines = axes.shape[0] // 3
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
     f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
-    px, py, pz = points[0, first:end], points[1, first:end], points[2, first:end]
-    out = local[first:end]
+    px, py, pz = points[0], points[1], points[2]
+    along, across, up, place = local[0], local[1], local[2], local[3]
     for v in range(px.shape[0]):
         dx, dy, dz = px[v] - x0, py[v] - x1, pz[v] - x2
-        lx, ly = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
-        out[v, 0] = lx
-        out[v, 1] = ly
-        out[v, 2] = n0 * dx + n1 * dy + n2 * dz
-        out[v, 3] = azimuth_turn(lx, ly) * lines
+        along[v] = f0 * dx + f1 * dy + f2 * dz
+        across[v] = g0 * dx + g1 * dy + g2 * dz
+        up[v] = n0 * dx + n1 * dy + n2 * dz
     # Close to a meridian the side must be the true one: edges would not end where they seem to.
-    near = TURN_ERROR * lines
+    near, close = TURN_ERROR * lines, 0
     for v in range(px.shape[0]):
-        place = out[v, 3]
-        if abs(place - np.rint(place)) > near:
+        turn = azimuth_turn(along[v], across[v]) * lines
+        place[v] = turn
+        before[v] = int(turn)
+        close += 1 if abs(turn - np.floor(turn + 0.5)) <= near else 0
+    if close == 0:
+        return
+    for v in range(px.shape[0]):
+        k = int(place[v] + 0.5)
+        if abs(place[v] - k) > near:
             continue
-        k = int(place + 0.5)
-        if out[v, 1] * axes[k, 0] - out[v, 0] * axes[k, 1] >= 0.0:
-            out[v, 3] = float(k if k < lines else 0)
+        if across[v] * axes[k, 0] - along[v] * axes[k, 1] >= 0.0:
+            place[v] = float(k if k < lines else 0)
         else:
-            out[v, 3] = (k if k > 0 else lines) - 0.5 * near
+            place[v] = (k if k > 0 else lines) - 0.5 * near
+        before[v] = int(place[v])
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -126,10 +133,10 @@ def cut_polygon(local, corners, f, upward, axes, ends):
 
     Parameters
     ----------
-    local : (v, 4) array
+    local : (4, v) array
         From `place_points`.
     corners : (f, 4) int array
-        Rows of ``local`` of each polygon, counter-clockwise as they are seen.
+        Columns of ``local`` of each polygon, counter-clockwise as they are seen.
     f : int
         Which one.
     upward : bool
@@ -146,13 +153,13 @@ def cut_polygon(local, corners, f, upward, axes, ends):
     """
     lines = axes.shape[0] // 3
     a = corners[f, 3]
-    ax, ay, az, pa = local[a, 0], local[a, 1], local[a, 2], local[a, 3]
+    ax, ay, az, pa = local[0, a], local[1, a], local[2, a], local[3, a]
     at = lines + int(pa)
     start, first, end = at, at, at
     before, turns = 0, 0
     for e in range(4):
         b = corners[f, e]
-        bx, by, bz, pb = local[b, 0], local[b, 1], local[b, 2], local[b, 3]
+        bx, by, bz, pb = local[0, b], local[1, b], local[2, b], local[3, b]
         step = _step(pa, pb, lines)
         if step != 0:
             turns += 1 if step * before < 0 else 0
@@ -188,12 +195,12 @@ def _cut_oddly(local, corners, f, upward, about_axis, axes, ends):
         ends[k, 0], ends[k, 1] = np.inf, -np.inf
     for e in range(4):
         a, b = corners[f, e], corners[f, (e + 1) % 4]
-        step = _step(local[a, 3], local[b, 3], lines)
-        start = int(local[a, 3])
+        step = _step(local[3, a], local[3, b], lines)
+        start = int(local[3, a])
         if step < 0:
             start += step
-        ax, ay, az = local[a, 0], local[a, 1], local[a, 2]
-        bx, by, bz = local[b, 0], local[b, 1], local[b, 2]
+        ax, ay, az = local[0, a], local[1, a], local[2, a]
+        bx, by, bz = local[0, b], local[1, b], local[2, b]
         mz = ax * by - ay * bx
         known = 1e-12 * (abs(ax) + abs(ay)) * (abs(bx) + abs(by))
         plain = (mz if step > 0 else -mz) > known

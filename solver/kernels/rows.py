@@ -38,7 +38,7 @@ class Sources(NamedTuple):
         First row, end row and patch of each group: the elements of one side of one patch.
     group_nets, group_cones, group_spheres
         The same for the whole patch side.
-    edge_origin … area_normal
+    edge_origin … mean_reach
         Gauss nodes on the edges and in the elements, as in `edges.Edges`.
     panel_points … sight_areas
         Flat pieces of the elements and of what else hides them, as in `facets.Facets`.
@@ -46,6 +46,8 @@ class Sources(NamedTuple):
         Cosine and sine of the meridians along which shares are found.
     exact_above : (n,) array
         Unoccluded form factor above which a pair is traced by pyramids.
+    point_from : (n,) array
+        Square of the distance from which one point tells the unoccluded factor of an element. [m²]
     """
 
     nets: np.ndarray
@@ -64,9 +66,14 @@ class Sources(NamedTuple):
     edge_tangent: np.ndarray
     edge_moment: np.ndarray
     edge_of: np.ndarray
+    edge_range: np.ndarray
+    edge_error: np.ndarray
     edge_sign: np.ndarray
     area_point: np.ndarray
     area_normal: np.ndarray
+    mean_point: np.ndarray
+    mean_area: np.ndarray
+    mean_reach: np.ndarray
     panel_points: np.ndarray
     panel_corners: np.ndarray
     panel_planes: np.ndarray
@@ -86,6 +93,7 @@ class Sources(NamedTuple):
     sight_areas: np.ndarray
     azimuths: np.ndarray
     exact_above: np.ndarray
+    point_from: np.ndarray
 
 
 @nb.njit(cache=True, error_model="numpy")

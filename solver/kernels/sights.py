@@ -9,7 +9,6 @@ meet the view cone of the lamp are asked, and a lamp none of them meets is wholl
 import math
 
 import numba as nb
-import numpy as np
 
 #: Standard deviation of the share of an element by m points, 0 < share < 1: the first times m to
 #: the second. Measured in furnished rooms.
@@ -18,13 +17,13 @@ SIGHT_DEVIATION, SIGHT_ORDER = 0.35, -0.6
 
 @nb.njit(cache=True, error_model="numpy")
 def _view(x, y, z, radius, views, row):
-    """View cone of a sphere in the receiver's frame, into a row of ``views``."""
+    """View cone of a sphere in the receiver's frame, into a column of ``views``."""
     distance = math.sqrt(x * x + y * y + z * z)
     inverse = 1.0 / max(distance, 1e-300)
     sine = radius * inverse if distance > radius else 2.0
-    views[row, 0], views[row, 1], views[row, 2] = x * inverse, y * inverse, z * inverse
-    views[row, 3], views[row, 4] = sine, math.sqrt(max(1.0 - sine * sine, 0.0))
-    views[row, 5] = distance - radius
+    views[0, row], views[1, row], views[2, row] = x * inverse, y * inverse, z * inverse
+    views[3, row], views[4, row] = sine, math.sqrt(max(1.0 - sine * sine, 0.0))
+    views[5, row] = distance - radius
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -41,7 +40,7 @@ def view_blockers(
         `facets.Facets.unit_ranges`.
     listed, count, local, corners
         Panels that turn their front to ``x``, their points and which of them each has.
-    views : (g + p, 6) array
+    views : (6, g + p) array
         Receives direction (3) in the receiver's frame, sine and cosine of the half-angle, and
         nearest distance.
     panels : (g + p, 2) int array
@@ -69,13 +68,13 @@ def view_blockers(
     while m >= 0 and listed[m] >= ranges[units, 0]:
         f = listed[m]
         c0, c1, c2, c3 = corners[f, 0], corners[f, 1], corners[f, 2], corners[f, 3]
-        mx = 0.25 * (local[c0, 0] + local[c1, 0] + local[c2, 0] + local[c3, 0])
-        my = 0.25 * (local[c0, 1] + local[c1, 1] + local[c2, 1] + local[c3, 1])
-        mz = 0.25 * (local[c0, 2] + local[c1, 2] + local[c2, 2] + local[c3, 2])
+        mx = 0.25 * (local[0, c0] + local[0, c1] + local[0, c2] + local[0, c3])
+        my = 0.25 * (local[1, c0] + local[1, c1] + local[1, c2] + local[1, c3])
+        mz = 0.25 * (local[2, c0] + local[2, c1] + local[2, c2] + local[2, c3])
         square = 0.0
         for e in range(4):
             c = corners[f, e]
-            dx, dy, dz = local[c, 0] - mx, local[c, 1] - my, local[c, 2] - mz
+            dx, dy, dz = local[0, c] - mx, local[1, c] - my, local[2, c] - mz
             square = max(square, dx * dx + dy * dy + dz * dz)
         _view(mx, my, mz, math.sqrt(square), views, kept)
         panels[kept, 0], panels[kept, 1] = f, f + 1
@@ -85,8 +84,8 @@ def view_blockers(
 
 
 @nb.njit(cache=True, error_model="numpy")
-def list_meeting(sphere, x, frame, n, views, among, count, near):
-    """List those of ``among`` whose view meets that of a sphere, and begins before its end.
+def list_meeting(sphere, x, frame, n, views, count, meets, near):
+    """List the views that meet that of a sphere, and begin before its end; returns how many.
 
     Parameters
     ----------
@@ -94,12 +93,12 @@ def list_meeting(sphere, x, frame, n, views, among, count, near):
         Middle and radius. [m]
     x, frame, n
         Point, frame and normal of the receiver.
-    views : (k, 6) array
-        From `view_blockers`.
-    among : (k,) int array
-        Rows of ``views``, the first ``count`` of them.
-    near : (k,) int array
-        Receives those found; their number is returned. It may be ``among`` itself.
+    views : (6, k) array
+        From `view_blockers`, the first ``count`` of them.
+    meets : (k,) bool array
+        Scratch.
+    near : (k + 1,) int array
+        Receives those found.
     """
     dx, dy, dz = sphere[0] - x[0], sphere[1] - x[1], sphere[2] - x[2]
     radius, distance = sphere[3], math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -109,16 +108,19 @@ def list_meeting(sphere, x, frame, n, views, among, count, near):
     uy = (frame[1, 0] * dx + frame[1, 1] * dy + frame[1, 2] * dz) * inverse
     uz = (n[0] * dx + n[1] * dy + n[2] * dz) * inverse
     sine, end = radius * inverse, distance + radius
-    cosine, found = math.sqrt(max(1.0 - sine * sine, 0.0)), 0
-    for k in range(count):
-        m = among[k]
-        along = ux * views[m, 0] + uy * views[m, 1] + uz * views[m, 2]
-        other, cosine_other = views[m, 3], views[m, 4]
+    cosine = math.sqrt(max(1.0 - sine * sine, 0.0))
+    vx, vy, vz, sines, cosines, nearest = views[0], views[1], views[2], views[3], views[4], views[5]
+    for m in range(count):
+        along = ux * vx[m] + uy * vy[m] + uz * vz[m]
+        other, cosine_other = sines[m], cosines[m]
         # Half-angles that add up to more than a straight angle meet everything.
         wide = (other > 1.0) | (sine * cosine_other + cosine * other <= 0.0) | everywhere
-        meets = wide | (along >= cosine * cosine_other - sine * other - 1e-12)
+        meet = wide | (along >= cosine * cosine_other - sine * other - 1e-12)
+        meets[m] = meet & (nearest[m] < end)
+    found = 0
+    for m in range(count):
         near[found] = m
-        found += 1 if meets & (views[m, 5] < end) else 0
+        found += 1 if meets[m] else 0
     return found
 
 
@@ -131,9 +133,9 @@ def may_hide(local, corners, f, x, y, z, radius, e):
     a = corners[f, 3]
     for k in range(4):
         b = corners[f, k]
-        ex = local[a, 1] * local[b, 2] - local[a, 2] * local[b, 1]
-        ey = local[a, 2] * local[b, 0] - local[a, 0] * local[b, 2]
-        ez = local[a, 0] * local[b, 1] - local[a, 1] * local[b, 0]
+        ex = local[1, a] * local[2, b] - local[2, a] * local[1, b]
+        ey = local[2, a] * local[0, b] - local[0, a] * local[2, b]
+        ez = local[0, a] * local[1, b] - local[1, a] * local[0, b]
         e[k, 0], e[k, 1], e[k, 2] = ex, ey, ez
         out = ex * x + ey * y + ez * z
         # Inside a panel seen from its front all are negative.
@@ -144,7 +146,7 @@ def may_hide(local, corners, f, x, y, z, radius, e):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def hide_points(e, nx, ny, nz, limit, points, count, seen):
+def hide_points(e, nx, ny, nz, limit, points, first, end, seen):
     """Set ``seen`` to 0 for the points that a panel hides from the origin.
 
     Parameters
@@ -155,46 +157,170 @@ def hide_points(e, nx, ny, nz, limit, points, count, seen):
         The panel's normal in the receiver's frame, and the product with it below which a point is
         behind its plane.
     points : (3, k) array
-        The points in the receiver's frame, the first ``count`` of them. [m]
+        The points in the receiver's frame [m]; ``first`` … ``end`` are asked for.
     seen : (k,) array
         1 for points in sight.
     """
     a0, a1, a2, b0, b1, b2 = e[0, 0], e[0, 1], e[0, 2], e[1, 0], e[1, 1], e[1, 2]
     c0, c1, c2, d0, d1, d2 = e[2, 0], e[2, 1], e[2, 2], e[3, 0], e[3, 1], e[3, 2]
-    px, py, pz = points[0], points[1], points[2]
-    for m in range(count):
+    px, py, pz, out = (
+        points[0, first:end],
+        points[1, first:end],
+        points[2, first:end],
+        seen[first:end],
+    )
+    for m in range(out.shape[0]):
         x, y, z = px[m], py[m], pz[m]
         most = max(a0 * x + a1 * y + a2 * z, b0 * x + b1 * y + b2 * z)
         most = max(most, max(c0 * x + c1 * y + c2 * z, d0 * x + d1 * y + d2 * z))
         hidden = (most <= 0.0) & (nx * x + ny * y + nz * z < limit)
-        seen[m] = 0.0 if hidden else seen[m]
+        out[m] = 0.0 if hidden else out[m]
 
 
 @nb.njit(cache=True, error_model="numpy")
-def place_sights(x, n, frame, points, areas, begin, total, place, weight, seen):
-    """Points of one unit in the receiver's frame, what each weighs, and all of them in sight."""
+def place_sights(x, n, frame, points, areas, first, end, at, place, weight, seen):
+    """Points ``first`` … ``end`` in the receiver's frame, what each weighs, and all in sight.
+
+    ``place`` (3, k), ``weight`` and ``seen`` (k,) receive them from ``at`` on.
+    """
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
     f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
-    for k in range(total):
-        dx = points[0, begin + k] - x0
-        dy = points[1, begin + k] - x1
-        dz = points[2, begin + k] - x2
+    px, py, pz = points[0, first:end], points[1, first:end], points[2, first:end]
+    ax, ay, az = areas[0, first:end], areas[1, first:end], areas[2, first:end]
+    last = at + end - first
+    along, across, height = place[0, at:last], place[1, at:last], place[2, at:last]
+    weights, sights = weight[at:last], seen[at:last]
+    for k in range(px.shape[0]):
+        dx, dy, dz = px[k] - x0, py[k] - x1, pz[k] - x2
         up = n0 * dx + n1 * dy + n2 * dz
-        place[0, k] = f0 * dx + f1 * dy + f2 * dz
-        place[1, k] = g0 * dx + g1 * dy + g2 * dz
-        place[2, k] = up
-        facing = areas[0, begin + k] * dx + areas[1, begin + k] * dy + areas[2, begin + k] * dz
+        along[k] = f0 * dx + f1 * dy + f2 * dz
+        across[k] = g0 * dx + g1 * dy + g2 * dz
+        height[k] = up
+        facing = ax[k] * dx + ay[k] * dy + az[k] * dz
         square = dx * dx + dy * dy + dz * dz
-        weight[k] = max(up, 0.0) * max(-facing, 0.0) / (square * square)
-        seen[k] = 1.0
+        weights[k] = max(up, 0.0) * max(-facing, 0.0) / (square * square)
+        sights[k] = 1.0
 
 
 @nb.njit(cache=True, error_model="numpy")
-def share_bright(
-    x, n, own, dark, factors, sources, blockers, rounding, listed, count, local, found
-):  # fmt: skip
+def _place_cluster(c, x, n, dark, sources, found):
+    """Place the points of all units of cluster ``c`` that are not dark; returns how many."""
+    units, clusters = sources.sight_units, sources.sight_clusters
+    start, total = sources.sight_start, 0
+    for u in range(clusters[c, 0], clusters[c, 1]):
+        g = units[u]
+        if not dark[g]:
+            first, end = start[sources.group[g, 0]], start[sources.group[g, 1]]
+            place_sights(
+                x, n, found.frame, sources.sight_points, sources.sight_areas, first, end,
+                total, found.sight_place, found.sight_weight, found.sight_seen,
+            )  # fmt: skip
+            total += end - first
+    return total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _hide_others(c, f, e, nx, ny, nz, limit, total, dark, sources, found):
+    """`hide_points` for all of cluster ``c`` but the unit that panel ``f`` is of."""
+    clusters, ranges, start = sources.sight_clusters, sources.unit_ranges, sources.sight_start
+    at, low, high = 0, 0, 0
+    for u in range(clusters[c, 0], clusters[c, 1]):
+        g = sources.sight_units[u]
+        if dark[g]:
+            continue
+        count = start[sources.group[g, 1]] - start[sources.group[g, 0]]
+        if ranges[g, 0] <= f < ranges[g, 1]:
+            low, high = at, at + count
+        at += count
+    place, seen = found.sight_place, found.sight_seen
+    hide_points(e, nx, ny, nz, limit, place, 0, low, seen)
+    hide_points(e, nx, ny, nz, limit, place, high, total, seen)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _hide_cluster(c, x, n, own, near, meeting, dark, sources, blockers, rounding, found):
+    """Find which points of cluster ``c`` are in sight.
+
+    Parameters
+    ----------
+    near : (k,) int array
+        Views that meet that of the cluster, ``meeting`` of them.
+
+    Returns
+    -------
+    int
+        How many points were placed, 0 where nothing may hide any of them.
+    """
+    corners, planes, solids = sources.panel_corners, sources.panel_planes, sources.panel_solid
+    elements, ball, frame = sources.panel_element, sources.sight_spheres[c], found.frame
+    above, local, blocking = found.above, found.panel_local, found.blocking
+    f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
+    g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
+    n0, n1, n2 = n[0], n[1], n[2]
+    solid = blockers.solid[sources.group[sources.sight_units[sources.sight_clusters[c, 0]], 2]]
+    dx, dy, dz, radius = ball[0] - x[0], ball[1] - x[1], ball[2] - x[2], ball[3]
+    cx, cy = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
+    cz = n0 * dx + n1 * dy + n2 * dz
+    total, edges = 0, found.edges
+    for m in range(meeting):
+        for f in range(blocking[near[m], 0], blocking[near[m], 1]):
+            # What is convex does not hide itself.
+            if blockers.bulging[solid] and solids[f] == solid:
+                break
+            if above[f] <= rounding or (own >= 0 and elements[f] == own):
+                continue
+            nx, ny, nz = planes[0, f], planes[1, f], planes[2, f]
+            if nx * dx + ny * dy + nz * dz + above[f] >= radius:
+                continue  # all of the cluster lies before its plane
+            if not may_hide(local, corners, f, cx, cy, cz, radius, edges):
+                continue
+            if total == 0:
+                total = _place_cluster(c, x, n, dark, sources, found)
+            lx, ly = f0 * nx + f1 * ny + f2 * nz, g0 * nx + g1 * ny + g2 * nz
+            lz, limit = n0 * nx + n1 * ny + n2 * nz, -above[f] - 1e-6 * radius
+            if solids[f] == solid:
+                _hide_others(c, f, edges, lx, ly, lz, limit, total, dark, sources, found)
+            else:
+                hide_points(edges, lx, ly, lz, limit, found.sight_place, 0, total, found.sight_seen)
+    return total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _sum_unit(g, at, placed, factors, sources, found):
+    """Shares and deviations of the elements of unit ``g``, whose points begin at ``at``."""
+    group, start, weight, seen = (
+        sources.group,
+        sources.sight_start,
+        found.sight_weight,
+        found.sight_seen,
+    )
+    share, deviation = found.share, found.deviation
+    offset, points, spread = at - start[group[g, 0]], 0, 0.0
+    for j in range(group[g, 0], group[g, 1]):
+        if factors[j] <= 0.0:
+            continue
+        whole = visible = 0.0
+        if placed:
+            for k in range(start[j] + offset, start[j + 1] + offset):
+                whole += weight[k]
+                visible += weight[k] * seen[k]
+        if whole > 0.0:
+            part = visible / whole
+            share[j] = 1.0 if part > 1.0 - 1e-9 else part
+            if start[j + 1] - start[j] != points:
+                points = start[j + 1] - start[j]
+                spread = SIGHT_DEVIATION * points**SIGHT_ORDER
+            deviation[j] = spread if 0.0 < share[j] < 1.0 else 0.0
+        elif not placed:
+            share[j], deviation[j] = 1.0, 0.0
+
+
+@nb.njit(cache=True, error_model="numpy")
+def share_bright(x, n, own, dark, factors, sources, blockers, rounding, count, found):
     """Visible shares and deviations of the elements that have points.
+
+    What may hide a cluster, the bright units of one solid, is looked for once for all of them.
 
     Parameters
     ----------
@@ -206,85 +332,32 @@ def share_bright(
         Unoccluded form factors.
     rounding : float
         `contour.horizon_tolerance` of the receiver. [m]
-    listed, count, local
-        Panels that turn their front to ``x`` and their points, from `meridian.list_facing`.
+    count : int
+        How many panels turn their front to ``x``.
     found : shares.Shares
-        Receives shares and deviations.
+        Knows these panels; receives shares and deviations.
     """
-    units, group, spheres = sources.sight_units, sources.group, sources.group_spheres
-    start, points, areas = sources.sight_start, sources.sight_points, sources.sight_areas
-    corners, planes, solids = sources.panel_corners, sources.panel_planes, sources.panel_solid
-    elements, ranges, solid_of = sources.panel_element, sources.unit_ranges, blockers.solid
-    bulging = blockers.bulging
-    share, deviation = found.share, found.deviation
-    clusters, balls, frame = sources.sight_clusters, sources.sight_spheres, found.frame
-    views, blocking, every, close, near, place, weight, seen = (
-        found.views,
-        found.blocking,
-        found.every,
-        found.close,
-        found.near,
-        found.sight_place,
-        found.sight_weight,
-        found.sight_seen,
-    )
-    edges = np.empty((4, 3))
-    x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
-    f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
-    g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
+    units, clusters, frame = sources.sight_units, sources.sight_clusters, found.frame
+    group, start, views = sources.group, sources.sight_start, found.views
     count = view_blockers(
-        x, n, frame, spheres, dark, ranges, listed, count, local, corners, views, blocking
-    )
+        x, n, frame, sources.group_spheres, dark, sources.unit_ranges, found.listed, count,
+        found.panel_local, sources.panel_corners, views, found.blocking,
+    )  # fmt: skip
     for c in range(clusters.shape[0]):
-        around = -1
+        lit = False
+        for u in range(clusters[c, 0], clusters[c, 1]):
+            lit |= not dark[units[u]]
+        if not lit:
+            continue
+        meeting = list_meeting(
+            sources.sight_spheres[c], x, frame, n, views, count, found.meets, found.close
+        )
+        total = _hide_cluster(
+            c, x, n, own, found.close, meeting, dark, sources, blockers, rounding, found
+        )
+        at = 0
         for u in range(clusters[c, 0], clusters[c, 1]):
             g = units[u]
-            if dark[g]:
-                continue
-            if around < 0:
-                around = list_meeting(balls[c], x, frame, n, views, every, count, close)
-            meeting = list_meeting(spheres[g], x, frame, n, views, close, around, near)
-            first, end = group[g, 0], group[g, 1]
-            begin, total = start[first], start[end] - start[first]
-            solid = solid_of[group[g, 2]]
-            dx, dy, dz = spheres[g, 0] - x0, spheres[g, 1] - x1, spheres[g, 2] - x2
-            radius, cz = spheres[g, 3], n0 * dx + n1 * dy + n2 * dz
-            cx, cy = f0 * dx + f1 * dy + f2 * dz, g0 * dx + g1 * dy + g2 * dz
-            placed = False
-            for m in range(meeting):
-                for f in range(blocking[near[m], 0], blocking[near[m], 1]):
-                    # What is convex does not hide itself.
-                    if ranges[g, 0] <= f < ranges[g, 1] or (bulging[solid] and solids[f] == solid):
-                        break
-                    if elements[f] == own and own >= 0:
-                        continue
-                    nx, ny, nz = planes[0, f], planes[1, f], planes[2, f]
-                    above = nx * x0 + ny * x1 + nz * x2 - planes[3, f]
-                    if above <= rounding or nx * dx + ny * dy + nz * dz + above >= radius:
-                        continue  # turned away, or all of the unit lies before its plane
-                    if not may_hide(local, corners, f, cx, cy, cz, radius, edges):
-                        continue
-                    if not placed:
-                        placed = True
-                        place_sights(x, n, frame, points, areas, begin, total, place, weight, seen)
-                    hide_points(
-                        edges, f0 * nx + f1 * ny + f2 * nz, g0 * nx + g1 * ny + g2 * nz,
-                        n0 * nx + n1 * ny + n2 * nz, -above - 1e-6 * radius, place, total, seen,
-                    )  # fmt: skip
-            for j in range(first, end):
-                if factors[j] <= 0.0:
-                    continue
-                low, high = start[j] - begin, start[j + 1] - begin
-                whole = visible = 0.0
-                if placed:
-                    for k in range(low, high):
-                        whole += weight[k]
-                        visible += weight[k] * seen[k]
-                if whole > 0.0:
-                    part = visible / whole
-                    share[j] = 1.0 if part > 1.0 - 1e-9 else part
-                    deviation[j] = 0.0
-                    if 0.0 < share[j] < 1.0:
-                        deviation[j] = SIGHT_DEVIATION * (high - low) ** SIGHT_ORDER
-                elif not placed:
-                    share[j], deviation[j] = 1.0, 0.0
+            if not dark[g]:
+                _sum_unit(g, at, total > 0, factors, sources, found)
+                at += start[group[g, 1]] - start[group[g, 0]]

@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from patchlight.solver.edges import make_edges, point_distance
 from patchlight.solver.exchange import Scan, form_factor_matrix, make_sources
+from patchlight.solver.kernels.edges import mean_factors
 from patchlight.solver.kernels.threads import set_threads
 from patchlight.solver.mesh import make_elements
 from patchlight.solver.model import CIESky, PatchSet
@@ -96,6 +98,48 @@ def test_what_nothing_hides_is_exact(furnished):
     assert found.outside[:, 1:3].max() < 1e-15  # rounding of directions
     # Straight edges in closed form meet those by four Gauss nodes.
     np.testing.assert_allclose(plain.factors.sum(axis=1), 1.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("eps", [5e-2, 5e-3])
+def test_one_point_of_distant_elements_errs_as_little_as_allowed(eps):
+    """Flat and curved elements against their exact factors, seen from all around."""
+    bulk = Bulk(FURNISHED, 6)
+    sources = make_sources(bulk.elements, bulk.nets, np.full(len(bulk.elements), 1e-6))
+    edges = make_edges(
+        bulk.elements.nets,
+        bulk.nets,
+        bulk.elements.patch_index,
+        bulk.elements.boxes,
+        bulk.elements.side,
+        sources.cones,
+    )
+    distance = point_distance(edges, eps)
+    rng = np.random.default_rng(4)
+    points, normals = rng.uniform(-6.0, 6.0, (40, 3)), rng.normal(size=(40, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    exact = form_factor_matrix(
+        points[:, None],
+        normals[:, None],
+        np.ones((40, 1)),
+        np.full(40, -1),
+        sources,
+        bulk.blockers,
+        eps=1e-8,
+        trace=False,
+    ).factors
+    one = np.empty_like(exact)
+    for x, n, row in zip(points, normals, one, strict=True):
+        mean_factors(x, n, edges, distance**2, row)
+    told = one > 0.0
+    curved = edges.mean_reach[2] > 0.0
+    assert told[:, curved].sum() > 100 and told[:, ~curved].sum() > 1000
+    away = np.linalg.norm(points[:, None] - (edges.mean_point.T + edges.edge_origin), axis=2)
+    facing = edges.mean_reach[1] / (np.pi * away**2)
+    error = np.abs(one - exact)
+    assert (error <= eps * facing)[told].all()
+    assert error[told].max() <= eps / 40.0
+    # What is called dark is.
+    assert exact[one == 0.0].max() < 1e-12
 
 
 def test_pairs_above_the_threshold_are_traced(furnished):

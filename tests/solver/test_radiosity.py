@@ -92,8 +92,8 @@ def test_direct_and_indirect_add_up():
     total = result.exitance[:, 0]
     lit = result.components["lamp.direct"] + result.components["lamp.indirect"]
     emitted = np.where(result.elements.patch_index == 6, 3000.0, 0.0)
-    # GMRES leaves 1e-9 of the source.
-    np.testing.assert_allclose(total, emitted + 0.5 * lit[:, 0], rtol=1e-6)
+    # GMRES leaves 1e-4 of the accuracy asked for, 1e-5 of the source.
+    np.testing.assert_allclose(total, emitted + 0.5 * lit[:, 0], rtol=3e-5)
 
 
 def test_balance_closes():

@@ -1,0 +1,178 @@
+"""Edges, points and means of elements, by which unoccluded factors are found in bulk."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .kernels.edges import Edges
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import gauss_rule, surface_points
+from .topology import writable
+
+#: Gauss nodes on an edge, and along u and v inside an element.
+EDGE_NODES = 4
+#: The same where what those miss is measured.
+_FINE_NODES = 12
+
+
+def near_ratio(eps: float) -> float:
+    """Distance over radius from which `EDGE_NODES` on an edge give relative accuracy ``eps``.
+
+    A straight edge of half-length h <= r at distance a r from its nearest point has the poles of
+    1/|H|² on the Bernstein ellipse ϱ = a + sqrt(a² + 1), and g nodes leave about ϱ^(−2 g) [1]; the
+    sum over the edges cancels one power of the distance. The ratio is taken 1.5 times, for edges
+    that bend.
+
+    References
+    ----------
+    .. [1] L. N. Trefethen, "Approximation Theory and Approximation Practice", SIAM, 2013, thm 19.3.
+    """
+    rho = eps ** (-0.5 / EDGE_NODES)
+    return 1.0 + 1.5 * 0.5 * (rho - 1.0 / rho)
+
+
+def make_edges(
+    nets: FloatArray,
+    patch_nets: FloatArray,
+    patch: IntArray,
+    boxes: FloatArray,
+    side: IntArray,
+    cones: FloatArray,
+    *,
+    shared: bool = True,
+) -> Edges:
+    """Gauss nodes on the edges of all elements; edges of neighbours in a patch are one.
+
+    Parameters
+    ----------
+    nets : (n, 4, 4, 4) array
+        Control nets of the elements.
+    patch_nets : (p, 4, 4, 4) array
+        Control nets of the patches.
+    patch, side : (n,) int arrays
+        Patch and side of each element.
+    boxes : (n, 4) array
+        u0, u1, v0, v1 of each element in its patch.
+    cones : (n, 4) array
+        Normal cones of the elements.
+    shared : bool
+        Whether edges are to be integrated for all elements of a patch, see `far_factors`: only then
+        it matters what their nodes miss.
+    """
+    n = len(nets)
+    u0, u1, v0, v1 = boxes.T
+    of = patch.astype(np.float64)
+    along_u, along_v = np.zeros(n), np.ones(n)
+    # Patch, direction, fixed parameter, first and last of the running one.
+    keys = np.stack(
+        [
+            np.stack([of, along_u, v0, u0, u1], axis=1),
+            np.stack([of, along_v, u1, v0, v1], axis=1),
+            np.stack([of, along_u, v1, u0, u1], axis=1),
+            np.stack([of, along_v, u0, v0, v1], axis=1),
+        ],
+        axis=1,
+    ).reshape(-1, 5)
+    unique, inverse = np.unique(keys, axis=0, return_inverse=True)
+    origin = (nets[..., :3] / nets[..., 3:]).reshape(-1, 3).mean(axis=0)
+    rule, weight = gauss_rule(EDGE_NODES)
+    point, tangent = _on_edges(unique, patch_nets, rule, weight)
+    point = point - origin
+    moment = np.cross(point, tangent)
+    missed = np.zeros((len(unique), 3))
+    if shared:
+        fine, along = _on_edges(unique, patch_nets, *gauss_rule(_FINE_NODES))
+        missed = np.cross(fine - origin, along).sum(axis=1) - moment.sum(axis=1)
+    u, v = (
+        np.broadcast_to(g.ravel(), (n, EDGE_NODES**2))
+        for g in np.meshgrid(rule, rule, indexing="ij")
+    )
+    inside, su, sv = surface_points(nets, u, v)
+    area = np.cross(su, sv) * np.outer(weight, weight).ravel()[:, None]
+    return Edges(
+        edge_origin=writable(origin),
+        edge_point=writable(point.transpose(2, 1, 0)),
+        edge_tangent=writable(tangent.transpose(2, 1, 0)),
+        edge_moment=writable(moment.transpose(2, 1, 0)),
+        edge_of=writable(inverse.reshape(n, 4), np.int64),
+        edge_range=np.stack(
+            [np.searchsorted(unique[:, 0], of, side) for side in ("left", "right")], axis=1
+        ),
+        edge_sign=writable(1.0 - 2.0 * side),
+        area_point=writable((inside - origin).transpose(2, 0, 1)),
+        area_normal=writable(area.transpose(2, 0, 1)),
+        edge_error=writable(
+            0.5
+            * np.linalg.norm(missed, axis=1)[inverse.reshape(n, 4)].sum(axis=1)
+            / np.maximum(np.linalg.norm(area.sum(axis=1), axis=1), 1e-300)
+        ),
+        **_means(nets, inside - origin, area, origin, cones),
+    )
+
+
+def _on_edges(
+    edges: FloatArray, patch_nets: FloatArray, rule: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Points and weighted tangents (e, g, 3) on edges (e, 5) as `make_edges` lists them.
+
+    From afar all of a contour but its area cancels: the tangents of an edge are made to sum to the
+    step between its ends.
+    """
+    nodes = len(rule)
+    length = (edges[:, 4] - edges[:, 3])[:, None]
+    # Both ends behind the nodes.
+    running = edges[:, 3:4] + length * np.append(rule, (0.0, 1.0))
+    fixed = np.repeat(edges[:, 2:3], nodes + 2, axis=1)
+    is_v = edges[:, 1:2] == 1.0
+    point, su, sv = surface_points(
+        patch_nets[edges[:, 0].astype(np.int64)],
+        np.where(is_v, fixed, running),
+        np.where(is_v, running, fixed),
+    )
+    tangent = np.where(is_v[:, :, None], sv, su)[:, :nodes] * (length * weight)[:, :, None]
+    missed = point[:, -1] - point[:, -2] - tangent.sum(axis=1)
+    return point[:, :nodes], tangent + missed[:, None] * weight[:, None]
+
+
+def _means(
+    nets: FloatArray, points: FloatArray, areas: FloatArray, origin: FloatArray, cones: FloatArray
+) -> dict[str, FloatArray]:
+    """Mean points and vector areas of elements, as in `kernels.edges.Edges`."""
+    weight = np.linalg.norm(areas, axis=2)
+    middle = np.einsum("nk,nkc->nc", weight, points)
+    middle /= np.maximum(weight.sum(axis=1), 1e-300)[:, None]
+    whole = areas.sum(axis=1)
+    size = np.linalg.norm(whole, axis=1)
+    # No point of an element is outside the hull of its control points.
+    hull = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), -1, 3) - origin
+    reach = np.linalg.norm(hull - middle[:, None], axis=2).max(axis=1)
+    axis = np.einsum("nc,nc->n", whole, cones[:, :3]) / np.maximum(size, 1e-300)
+    half = np.arcsin(np.minimum(cones[:, 3], 1.0)) + np.arccos(np.clip(axis, -1.0, 1.0))
+    flat = cones[:, 3] == 0.0
+    spread = np.where(flat, 0.0, np.sin(np.minimum(half, 0.5 * math.pi)))
+    # A cone of 90 degrees or more decides nothing: no element faces that much.
+    size = np.where((half < 0.5 * math.pi) | flat, size, np.inf)
+    reaches = np.stack([reach, size, spread, np.where(flat, 0.0, reach)])
+    return {
+        "mean_point": writable(middle.T),
+        "mean_area": writable(whole.T),
+        "mean_reach": writable(reaches),
+    }
+
+
+def point_distance(edges: Edges, eps: float) -> FloatArray:
+    """Distance (n,) from which one point tells the unoccluded factor of an element. [m]
+
+    With reach r at distance d, the kernel's first derivatives leave r/d for each unit that normals
+    differ, sin α, and the second ones (r/d)² of a factor A/(π d²) <= (r/d)². What is allowed is
+    ``eps`` of the element's own factor, facing and upright, and a fortieth of it of the hemisphere
+    as in `kernels.rows.how_to_see`, half for each of both terms.
+    """
+    reach, _, spread, _ = edges.mean_reach
+    turn = np.maximum(spread, 1e-12)
+    ratio = np.minimum(np.minimum(0.5 * eps / turn, math.sqrt(0.5 * eps)), 1.0)
+    share = 0.5 * eps / 40.0
+    ratio = np.minimum(ratio, np.minimum(np.cbrt(share / turn), share**0.25))
+    return np.asarray(reach / ratio)
