@@ -152,6 +152,16 @@ def order_by_plane(s, b, axis):
 
 
 @nb.njit(cache=True, error_model="numpy")
+def is_point(c):
+    """Whether a curve has no length in the picture: a pole, or an edge along the view."""
+    size = 0.0
+    for i in range(1, 4):
+        for k in range(2):
+            size = max(size, abs(c[i, k] / c[i, 2] - c[0, k] / c[0, 2]))
+    return size <= _POINT
+
+
+@nb.njit(cache=True, error_model="numpy")
 def add_outline(c, frame, box, curves, count, level, stack):
     """Add what of a curve may lie in the picture of the patch; −1 where there is no more room."""
     turn_into(frame, c, stack[0])
@@ -172,11 +182,7 @@ def add_outline(c, frame, box, curves, count, level, stack):
         if left or right or below or above:
             continue
         if ahead:
-            size = 0.0
-            for i in range(1, 4):
-                for k in range(2):
-                    size = max(size, abs(own[i, k] / own[i, 2] - own[0, k] / own[0, 2]))
-            if size <= _POINT:
+            if is_point(own):
                 continue
             if count >= curves.shape[0]:
                 return -1

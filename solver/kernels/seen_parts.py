@@ -14,7 +14,7 @@ import numpy as np
 from .contour import chord_term, cubic_point, curve_term, load_edge
 from .crossings import MOST, OVERLAP, crossings, foot_on, is_straight, picture_box
 from .nets import heights
-from .picture import HALVINGS, add_horizon, add_outline, beside, frame_at, turn_into
+from .picture import HALVINGS, add_horizon, add_outline, beside, frame_at, is_point, turn_into
 from .quadric import front_outline, polar_plane, side_values
 from .ray_patch import HIT, MISS, WORK, ray_patch_any
 
@@ -138,14 +138,8 @@ def _contour_of(net, x, quadric, polar, mixed, frame, pieces, breaks, ends, work
         for k in range(4):
             load_edge(net, k, pieces[k])
     for m in range(made):
-        size = 0.0
-        for i in range(1, 4):
-            for k in range(3):
-                size = max(size, abs(pieces[m, i, k] - pieces[m, 0, k]))
-        far = abs(pieces[m, 0, 0]) + abs(pieces[m, 0, 1]) + abs(pieces[m, 0, 2])
-        if size > 1e-14 * far:
-            turn_into(frame, pieces[m], curves[count])
-            count += 1
+        turn_into(frame, pieces[m], curves[count])
+        count += 0 if is_point(curves[count]) else 1
     return count
 
 
