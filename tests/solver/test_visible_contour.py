@@ -53,11 +53,6 @@ def found(points, normals, sources, blockers, accuracy=1e-5):
     return point_form_factors(points, normals, sources, blockers, accuracy=accuracy)
 
 
-#: Share of the pairs that are left to other methods at most: those with a patch of the globe or the
-#: tube that is seen in two parts, or with curves that nearly touch.
-MOST_LEFT = {"globe behind can": 0.35, "tube behind ball and box": 0.1}
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_lies_in_proved_brackets(name):
     """No shadow is lost and none invented."""
@@ -69,14 +64,12 @@ def test_lies_in_proved_brackets(name):
     proof = point_form_factors(
         points, normals, sources, blockers, accuracy=3e-3, visibility="strict"
     )
-    # What is sampled states three standard deviations, and is here a hundredth of the light.
-    slack = 1e-3 * clear.value.sum(axis=1, keepdims=True) * (name in MOST_LEFT)
-    assert (value.high + slack >= proof.low - 1e-12).all()
-    assert (value.low - slack <= proof.high + 1e-12).all()
+    assert (value.high >= proof.low - 1e-12).all()
+    assert (value.low <= proof.high + 1e-12).all()
     assert (value.value < 0.99 * clear.value).any()
-    # A bracketed or sampled pair visits cells, one done by contour none.
+    # Curves that nearly touch are left to brackets.
     partly = ((value.value > 0.0) & (value.value < clear.value * (1.0 - 1e-9))).sum()
-    assert value.counters["pairs_by_contour"] >= (1.0 - MOST_LEFT.get(name, 0.1)) * partly
+    assert value.counters["pairs_by_contour"] >= 0.98 * partly
 
 
 def test_ball_before_disk_is_their_difference():
