@@ -119,7 +119,7 @@ def _sphere_about_ellipsoid(quadric: FloatArray) -> FloatArray:
 
 
 def _goes_on(quadrics: FloatArray, beyond: IntArray) -> NDArray[np.bool_]:
-    """Whether the patch over each side (p, 4) lies on the same quadric, and faces the same way."""
+    """Whether the patch over each side (p, 4) goes on on the same quadric, facing either way."""
     other = np.maximum(beyond[..., 0], 0)
     mine, theirs = quadrics[:, None], quadrics[other]
     # Both in the coordinates of the first.

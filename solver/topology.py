@@ -134,7 +134,7 @@ def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> I
     turned = np.abs(points[a] - points[b][:, ::-1]).max(axis=(1, 2)) <= close
     a, b = a[same | turned], b[same | turned]
     partners = np.bincount(a, minlength=4 * n)
-    single = partners[a] == 1
+    single = (partners[a] == 1) & (partners[b] == 1)
     out[a[single] // 4, a[single] % 4] = b[single] // 4
     return out
 

@@ -13,6 +13,7 @@ from .regions import make_regions
 from .surfaces import Receivers
 
 if TYPE_CHECKING:
+    from .kernels.pieces import Surfaces
     from .kernels.pyramid import Blockers
     from .kernels.rows import Sources
 
@@ -59,6 +60,7 @@ def visible_factors(
         writable(x),
         writable(receivers.normals[:, 0] * receivers.weights),
         writable(receivers.patches, np.int64),
+        _askew(receivers, surfaces),
         writable(sources.group[:, 2], np.int64),
         sources.nets,
         sources.flags,
@@ -74,6 +76,20 @@ def visible_factors(
     )
     left = (status == LEFT) | (_lie_on(x, receivers.patches, sources) & (plain > 0.0))
     return values, (status == SOLVED) & ~left, left
+
+
+def _askew(receivers: Receivers, surfaces: Surfaces) -> NDArray[np.bool_]:
+    """Which receivers (m,) on curved surfaces do not look along the normal there."""
+    from .kernels.brackets import ASKEW
+    from .strict import touched
+    from .topology import PLANAR
+
+    if (receivers.patches < 0).all():
+        return np.zeros(len(receivers.patches), dtype=bool)
+    x, n = receivers.nodes[:, 0], receivers.normals[:, 0]
+    rows, views = touched(x, n, receivers.patches, surfaces)
+    curved = (rows >= 0) & (surfaces.flags[rows] & PLANAR == 0)
+    return np.asarray((curved & (views == ASKEW)).any(axis=1))
 
 
 def _lie_on(x: FloatArray, on: IntArray, sources: Sources) -> NDArray[np.bool_]:

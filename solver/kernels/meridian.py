@@ -1,4 +1,4 @@
-"""Visible shares of all elements from one receiver, along meridian planes.
+"""Chords of panels from one receiver, along meridian planes.
 
 Half-planes through the receiver's normal cut every facet in one interval of elevation. With τ the
 tangent of the elevation, the part [τ1, τ2] of one of M meridians carries the form factor

@@ -187,7 +187,7 @@ def reverse_cubic(c):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _add_edge(b, side, o, turn, nets, polar, work, breaks, curve, sides, count):
+def _add_edge(b, side, o, turn, nets, state, polar, work, breaks, curve, sides, count):
     """Add the parts of an edge of patch ``b`` at which its sheet ends; −1 for no room.
 
     ``o`` is the patch beyond it, −1 for none, and ``turn`` is −1 where that faces the other way.
@@ -220,8 +220,14 @@ def _add_edge(b, side, o, turn, nets, polar, work, breaks, curve, sides, count):
             continue
         t = 0.5 * (a + z)
         front = cubic(own[0], own[1], own[2], own[3], t) > 0.0
-        if o >= 0 and (cubic(other[0], other[1], other[2], other[3], t) > 0.0) == front:
-            continue
+        if o >= 0:
+            beyond = cubic(other[0], other[1], other[2], other[3], t) > 0.0
+            if state[b] == NONE and state[o] != NONE:
+                front = not beyond  # what is seen edge-on ends the picture of the other
+            elif state[o] != NONE and beyond == front:
+                continue
+            elif state[b] == NONE:
+                continue
         c = curve[count]
         load_edge(nets[b], side, c)
         if a > 0.0 or z < 1.0:
@@ -401,7 +407,9 @@ def find_outlines(sheet, surfaces, regions, x, out):
             found = count * 0 - 1
             if state[b] != ODD and not (o >= 0 and state[o] == ODD):
                 turn = 1.0 if neighbors[b, side, 3] > 0 else -1.0
-                found = _add_edge(b, side, o, turn, nets, polar, work, breaks, curve, sides, count)
+                found = _add_edge(
+                    b, side, o, turn, nets, state, polar, work, breaks, curve, sides, count
+                )
             if found < 0:
                 _forget_about(b, neighbors, whole)
             else:

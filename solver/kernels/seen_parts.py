@@ -23,8 +23,9 @@ _CURVES, _BREAKS, _ALONG = 256, 24, 64
 #: How far beside a curve it is asked what is seen, against the size of the picture of the patch, at
 #: most and at least: narrower openings are not seen.
 _BESIDE, _BESIDE_LEAST = 1e-6, 1e-8
-#: Largest sum of the steps along all parts kept, of directions and of their products.
-_OPEN = 1e-8
+#: Largest sum of the steps along all parts kept, of directions against the size of the picture and
+#: of their products against its square, and what is rounding of both.
+_OPEN, _ROUNDING = 1e-8, 1e-14
 #: Accuracy of each part against what is asked of the whole: they nearly cancel.
 _SHARE = 0.03
 
@@ -198,8 +199,8 @@ def _gather_curves(
             return own, -1
         for c in range(before, made):
             sheet[c], both[c] = sheets[b], r >= 0 and odd[r]
-    low, _, _ = heights(net, n)
-    if low < -rounding:
+    low, inner, _ = heights(net, n)
+    if min(low, inner) < -rounding:
         made = add_horizon(turned, box, curve, made)
         if made > 0:
             sheet[made - 1], both[made - 1] = -1, False
@@ -329,8 +330,14 @@ def visible_part(
     )  # fmt: skip
     straight, number = curves.straight, hiders.count[0]
     # Without a line across it, all of the patch is hidden or nothing.
-    crossed = made > own
-    step = min(_BESIDE, max(eps, _BESIDE_LEAST)) * ((box[1] - box[0]) + (box[3] - box[2]))
+    crossed, first = made > own, count[0] * 0 - 1
+    wide = (box[1] - box[0]) + (box[3] - box[2])
+    step = min(_BESIDE, max(eps, _BESIDE_LEAST)) * wide
+    # No part is larger than its curve is long in the picture; what they leave is the factor.
+    length = 0.0
+    for m in range(made):
+        length += curves.size[m]
+    digits = max(eps * min(_SHARE, 0.3 * 2.0 * math.pi * plain / length), 1e-14)
     total = 0.0
     for m in range(made):
         outline = m >= own
@@ -365,7 +372,10 @@ def visible_part(
             if hidden < 0:
                 return math.nan
             if not crossed:
-                return 0.0 if hidden > 0 else plain
+                if first >= 0 and hidden != first:
+                    return math.nan
+                first = hidden
+                continue
             if hidden > 0 or _is_double(m, t, pairs, along, curve, h, foot):
                 continue
             cubic_point(curve[m], ta, h)
@@ -373,7 +383,7 @@ def visible_part(
             if straight[m]:
                 part = chord_term(h[0], h[1], h[2], d[0], d[1], d[2], turned)
             else:
-                part = curve_term(curve[m], ta, tb, turned, _SHARE * eps)
+                part = curve_term(curve[m], ta, tb, turned, digits)
             total += sign * part
             for end in range(2):
                 point, way = (h, -sign) if end == 0 else (d, sign)
@@ -386,7 +396,11 @@ def visible_part(
                 bends[0] += way * px * px
                 bends[1] += way * px * py
                 bends[2] += way * py * py
+    if not crossed:
+        return math.nan if first < 0 else (0.0 if first > 0 else plain)
     for k in range(3):
-        if abs(steps[k]) > _OPEN or abs(bends[k]) > _OPEN * (box[1] - box[0] + box[3] - box[2]):
+        if abs(steps[k]) > max(_OPEN * wide, _ROUNDING):
+            return math.nan
+        if abs(bends[k]) > max(_OPEN * wide * wide, _ROUNDING):
             return math.nan
     return -total / (2.0 * math.pi)

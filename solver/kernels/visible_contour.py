@@ -116,7 +116,8 @@ def _in_way(
                 before = place < 0
                 if place > 0:
                     continue
-            if before and not bounded[start[s]]:
+            mine = own_patch >= 0 and sheets[own_patch] == s
+            if before and not (mine or bounded[start[s]]):
                 near[count] = -1 - s
                 count += 1
                 continue
@@ -223,7 +224,7 @@ def _find_hiders(
 
 @nb.njit(cache=True, error_model="numpy", parallel=True)
 def contour_rows(
-    nodes, normals, on, place, nets, flags, spheres, plain, eps, blockers, surfaces, regions,
+    nodes, normals, on, askew, place, nets, flags, spheres, plain, eps, blockers, surfaces, regions,
     source_quadrics, values, status,
 ):  # fmt: skip
     """Form factors from m points to n sources past all surfaces, where this method serves.
@@ -234,6 +235,8 @@ def contour_rows(
         Receivers [m] and unit normals; one with normal 0 gets no light.
     on : (m,) int array
         Surface each lies on, −1 for none.
+    askew : (m,) bool array
+        Whether one on a curved surface looks along another direction than its normal.
     place : (n,) int array
         Surface each source is.
     nets, flags, spheres, source_quadrics
@@ -274,16 +277,20 @@ def contour_rows(
                 surfaces.flags[on[i]] & PLANAR
                 or is_low(on[i], surfaces.nets, x, n, rounding, seen.shifted, seen.low, seen.nets)
             )
-            if sees_own:
-                sheet = surfaces.sheet[on[i]]
-                sees_own = not (blockers.bulging[sheet] or blockers.hollow[sheet])
+            # Of a convex body only if it does not look straight away from it; of a convex cavity it
+            # sees all.
+            mine = on[i] * 0 - 1
+            if sees_own and blockers.hollow[surfaces.sheet[on[i]]]:
+                mine = surfaces.sheet[on[i]]
+            elif sees_own and blockers.bulging[surfaces.sheet[on[i]]]:
+                sees_own = askew[i]
             for j in range(nets.shape[0]):
                 if plain[i, j] <= 0.0:
                     continue
-                if sees_own:
+                row = place[j]
+                if sees_own and surfaces.sheet[row] != mine:
                     status[i, j] = LEFT
                     continue
-                row = place[j]
                 view_cone(x, spheres[j], cone)
                 shift_net(nets[j], x, net)
                 ordered = mean_normal(net, normal)
