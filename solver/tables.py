@@ -153,11 +153,6 @@ def _pack(
     start = np.searchsorted(
         np.append(of, np.full(len(back), len(units))), np.arange(len(units) + 2)
     )
-    ranges = np.zeros((len(units) + 1, 4), dtype=np.int64)
-    ranges[:, 0], ranges[:, 1] = start[:-1], start[1:]
-    for g in np.flatnonzero(start[1:] > start[:-1]):
-        some = outline[start[g] : start[g + 1]]
-        ranges[g, 2:] = some.min(), some.max() + 1
     joined = np.flatnonzero(found.grid >= 0)
     ends = [found.lines[g] for g in found.grid[joined]]
     sizes = np.zeros((len(joined), 4), dtype=np.int64)
@@ -172,7 +167,7 @@ def _pack(
         panel_element=writable(np.append(owner, no_backs), np.int64),
         panel_solid=writable(solid[np.append(patch, patch[back])], np.int64),
         panel_grid=writable(np.append(_numbered(found.grid), no_backs), np.int64),
-        unit_ranges=ranges,
+        unit_ranges=writable(np.stack([start[:-1], start[1:]], axis=1), np.int64),
         unit_joined=np.bincount(of, found.grid >= 0, len(units)) > 0,
         grid_size=sizes,
         grid_lines=writable(_directed(vertices, ends, turned[joined])),
@@ -226,7 +221,7 @@ def no_facets() -> Facets:
         panel_element=none,
         panel_solid=none,
         panel_grid=none,
-        unit_ranges=none.reshape(0, 4),
+        unit_ranges=none.reshape(0, 2),
         unit_joined=none.astype(bool),
         grid_size=none.reshape(0, 4),
         grid_lines=np.empty((0, 2, 3)),

@@ -25,9 +25,9 @@ class Facets(NamedTuple):
         Solid it belongs to.
     panel_grid : (p,) int array
         Row of the panel's grid of cells, −1 where there is none.
-    unit_ranges : (g + 1, 4) int array
-        First and end of the panels and of their points of each unit, and of the backs of one-sided
-        patches, which belong to none.
+    unit_ranges : (g + 1, 2) int array
+        First and end of the panels of each unit, and of the backs of one-sided patches, which
+        belong to none.
     unit_joined : (g,) bool array
         Whether any of its panels belongs to several elements.
     grid_size : (k, 4) int array

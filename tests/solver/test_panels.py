@@ -25,7 +25,7 @@ def test_a_flat_patch_is_one_panel():
     # An open patch hides with its back too: one panel more, which belongs to no unit.
     assert facets.panel_corners.shape == (2, 4)
     assert facets.panel_grid.tolist() == [0, -1]
-    assert facets.unit_ranges[:, :2].tolist() == [[0, 1], [1, 2]]
+    assert facets.unit_ranges.tolist() == [[0, 1], [1, 2]]
     assert facets.grid_size.tolist() == [[3, 3, 0, 0]]
     assert facets.grid_element.tolist() == list(range(9))
     assert facets.panel_element.tolist() == [-1, -1]
