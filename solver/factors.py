@@ -14,7 +14,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
-from .feet import normals_under
 from .memory import check_matrix
-from .model.arrays import FloatArray, IntArray, check_finite, check_shape
+from .model.arrays import FloatArray, check_finite, check_shape
 from .model.elements import Elements
 from .model.form_factors import FormFactors
 from .model.patches import PatchSet
+from .prepared import Prepared, prepare
 from .surfaces import Receivers
 
 if TYPE_CHECKING:
@@ -47,8 +47,6 @@ _PLAIN_CELLS = 20_000
 _COPIES = 6
 #: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-5.
 _FEW_CELLS = 2000
-#: Edges closer than this, against the size of all, are one: wider slits let light through.
-_ONE_EDGE = 1e-9
 #: Stands for what a receiver lies on until that is found.
 UNKNOWN = -2
 #: Standard deviations of the sampled part that "auto" states as its error.
@@ -115,11 +113,12 @@ def point_form_factors(
         return nn93_form_factors(x, n, sources, blockers, accuracy=accuracy, visibility=visibility)
     if method != "default":
         raise InputError(f"method = {method!r}: must be 'default' or 'nn93'")
-    nets, place = distinct_nets(sources, blockers)
+    if len(x) == 0 or len(sources) == 0:
+        return _nothing(len(x), len(sources), visibility)
+    check_matrix(len(x), len(sources), copies=_COPIES)
     receivers = Receivers.of_points(x, n, np.ones(len(x)), np.full(len(x), UNKNOWN))
-    return _factors(
-        receivers, sources.control_points, place, nets, accuracy=accuracy, visibility=visibility
-    )
+    prepared = prepare(sources.control_points, blockers)
+    return _factors(receivers, prepared, accuracy=accuracy, visibility=visibility)
 
 
 def form_factors(
@@ -154,15 +153,24 @@ def form_factors(
 
         count = len(elements)
         elements = make_elements(elements, np.zeros(count, bool), np.ones((count, 2), np.int64))
-    own = PatchSet(elements.nets)
-    nets, place = distinct_nets(own, blockers)
+    nodes, count = elements.weights.size, len(elements)
+    if nodes == 0:
+        return _nothing(nodes, count, visibility)
+    check_matrix(nodes, count, copies=_COPIES)
+    prepared = prepare(elements.nets, blockers)
     receivers = Receivers.of_points(
         elements.nodes.reshape(-1, 3),
         elements.normals.reshape(-1, 3),
         np.where(elements.buried, 0.0, 1.0).ravel(),
-        np.repeat(place, elements.weights.shape[1]),
+        np.repeat(prepared.sources.patch, elements.weights.shape[1]),
     )
-    return _factors(receivers, elements.nets, place, nets, accuracy=accuracy, visibility=visibility)
+    return _factors(receivers, prepared, accuracy=accuracy, visibility=visibility)
+
+
+def _nothing(m: int, n: int, visibility: str) -> FormFactors:
+    """Factors (m, n) of which there are none."""
+    empty = np.zeros((m, n))
+    return FormFactors(empty, empty, empty, visibility != "auto")
 
 
 def _check_options(accuracy: float, visibility: str) -> None:
@@ -188,178 +196,15 @@ def _receivers(points: ArrayLike, normals: ArrayLike) -> tuple[FloatArray, Float
     return x, np.ascontiguousarray(n / length[:, None])
 
 
-def _net_key(net: FloatArray) -> bytes:
-    """The same bytes for one surface whatever the direction of its parameters."""
-    scaled = net / net[..., 3].max() + 0.0  # no −0: its bytes differ
-    turned = [
-        t[::a, ::b] for t in (scaled, scaled.swapaxes(0, 1)) for a in (1, -1) for b in (1, -1)
-    ]
-    return min(np.ascontiguousarray(t).tobytes() for t in turned)
-
-
-def distinct_nets(
-    sources: PatchSet, blockers: PatchSet | None = None
-) -> tuple[FloatArray, IntArray]:
-    """Every surface once, however often and in whatever direction of parameters it is given.
-
-    Returns
-    -------
-    nets : (p, 4, 4, 4) array
-        The surfaces that hide light.
-    place : (n,) int array
-        Row of each source among them.
-    """
-    rows: dict[bytes, int] = {}
-    nets: list[FloatArray] = []
-    place = np.empty(len(sources), dtype=np.int64)
-    for k, net in enumerate(sources.control_points):
-        key = _net_key(net)
-        if key not in rows:
-            rows[key] = len(nets)
-            nets.append(net)
-        place[k] = rows[key]
-    for net in () if blockers is None else blockers.control_points:
-        key = _net_key(net)
-        if key not in rows:
-            rows[key] = len(nets)
-            nets.append(net)
-    return np.array(nets).reshape(-1, 4, 4, 4), place
-
-
-def connected(adjacent: IntArray) -> IntArray:
-    """Number of the connected sheet each patch belongs to, from its neighbours (p, 4)."""
-    label = np.full(len(adjacent), -1, dtype=np.int64)
-    count = 0
-    for seed in range(len(adjacent)):
-        if label[seed] >= 0:
-            continue
-        label[seed] = count
-        stack = [seed]
-        while stack:
-            for other in adjacent[stack.pop()]:
-                if other >= 0 and label[other] < 0:
-                    label[other] = count
-                    stack.append(int(other))
-        count += 1
-    return label
-
-
-def _surfaces(nets: FloatArray, place: IntArray) -> Blockers:
-    """Surfaces that hide from both sides, each connected sheet for itself; ``place``: of sources.
-
-    A point is seen from before its tangent plane only, since only the + side of a source gives
-    light: where all of a sheet lies behind all its tangent planes, closed or not, it hides nothing
-    of itself. A hollow one hides nothing of itself from receivers on it if it has no hole.
-    """
-    from .topology import adjacency, convexity, make_blockers, watertight
-
-    adjacent = adjacency(nets, np.zeros(len(nets), np.int64), relative=_ONE_EDGE)
-    sheet = connected(adjacent)
-    surfaces = make_blockers(PatchSet(nets), np.zeros(len(nets), bool), sheet, adjacent)
-    count = len(surfaces.bulging)
-    bulging, hollow = convexity(nets, surfaces.flags, sheet, np.ones(len(nets), bool), count)
-    whole = np.ones(count, bool)
-    np.logical_and.at(whole, sheet, watertight(nets, adjacent))
-    # A surface that gives light from both sides bulges on one only.
-    twice = np.zeros(count, bool)
-    np.logical_or.at(twice, sheet, np.bincount(place, minlength=len(nets)) > 1)
-    return surfaces._replace(bulging=bulging & ~twice, hollow=hollow & whole & ~twice)
-
-
-def patches_under(
-    points: FloatArray, nets: FloatArray, flags: IntArray, quadrics: FloatArray
-) -> IntArray:
-    """Curved patch (m,) that each point lies on within 1e-9 of its size, −1 for none.
-
-    Points in a plane need no telling: they see it edge-on.
-    """
-    from .quadrics import may_lie_on
-    from .topology import PLANAR, bounding_spheres
-
-    out = np.full(len(points), -1, dtype=np.int64)
-    spheres = bounding_spheres(nets)
-    for p in np.flatnonzero((flags & PLANAR) == 0):
-        rows = np.flatnonzero(may_lie_on(points, spheres[p], quadrics[p]) & (out < 0))
-        if not len(rows):
-            continue
-        _, gaps = normals_under(points[rows], np.broadcast_to(nets[p], (len(rows), 4, 4, 4)))
-        out[rows[gaps <= 1e-9 * spheres[p, 3]]] = p
-    return out
-
-
-def _sources(
-    nets: FloatArray,
-    place: IntArray,
-    surfaces: Blockers,
-    quadrics: FloatArray,
-    cell_eps: FloatArray,
-) -> Sources:
-    """Every net as a source element of its own; ``place`` names its surface."""
-    from .edges import make_edges
-    from .kernels.rows import Sources
-    from .quadrics import fit_quadrics
-    from .tables import meridians, no_facets
-    from .topology import bounding_spheres, normal_cones, shape_flags, writable
-
-    # Turned about or over, a surface differs from its source.
-    other = (nets != surfaces.nets[place]).any(axis=(1, 2, 3))
-
-    def of_sources(known: np.ndarray, find: Callable[[FloatArray], np.ndarray]) -> np.ndarray:
-        out = known[place]
-        if other.any():
-            out[other] = find(nets[other])
-        return out
-
-    rows = np.arange(len(nets))
-    whole = np.tile([0.0, 1.0, 0.0, 1.0], (len(nets), 1))
-    cones = of_sources(surfaces.cones, normal_cones)
-    spheres = of_sources(surfaces.spheres, bounding_spheres)
-    return Sources(
-        nets=writable(nets),
-        cones=cones,
-        spheres=spheres,
-        flags=of_sources(surfaces.flags, shape_flags),
-        quadrics=of_sources(quadrics, fit_quadrics),
-        cell_eps=writable(cell_eps),
-        patch=writable(place, np.int64),
-        group=np.stack([rows, rows + 1, place], axis=1),
-        group_nets=writable(nets),
-        group_cones=cones.copy(),
-        group_spheres=spheres.copy(),
-        azimuths=meridians(0),
-        exact_above=np.zeros(len(nets)),
-        point_from=np.full(len(nets), np.inf),
-        **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64), cones)._asdict(),
-        **no_facets()._asdict(),
-    )
-
-
 def _factors(
-    receivers: Receivers,
-    source_nets: FloatArray,
-    place: IntArray,
-    nets: FloatArray,
-    *,
-    accuracy: float,
-    visibility: Visibility,
+    receivers: Receivers, prepared: Prepared, *, accuracy: float, visibility: Visibility
 ) -> FormFactors:
     """All three ways; where it is `UNKNOWN` what receivers lie on, that is found here."""
-    from .quadrics import fit_quadrics
-    from .topology import is_single
-
-    m, count = len(receivers.nodes), len(source_nets)
-    if m == 0 or count == 0:
-        empty = np.zeros((m, count))
-        return FormFactors(empty, empty, empty, visibility != "auto")
-    check_matrix(m, count, copies=_COPIES)
-    surfaces = _surfaces(nets, place)
-    quadrics = fit_quadrics(nets)
+    sources, surfaces = prepared.sources, prepared.surfaces
     x = receivers.nodes[:, 0]
     if (receivers.patches == UNKNOWN).any():
-        on = patches_under(x, nets, surfaces.flags, quadrics)
-        receivers = replace(receivers, patches=on)
+        receivers = replace(receivers, patches=prepared.under(x))
     # Both a point's distance and a patch's size tell how small its factor may be.
-    sources = _sources(source_nets, place, surfaces, quadrics, np.ones(count))
     plain = _rows(receivers, sources, surfaces, _digits(x, sources, accuracy), trace=False)
     if visibility != "auto":
         from .strict import MOST_CELLS, strict_form_factors
@@ -369,11 +214,11 @@ def _factors(
         return strict_form_factors(
             receivers, sources, surfaces, plain, accuracy, hide=hide, most_cells=most_cells
         )
-    if is_single(surfaces, surfaces.bulging):  # nothing hides anything
+    if prepared.nothing_hides:
         error = 0.1 * accuracy * plain.factors + ABSOLUTE
         low, high = np.maximum(plain.factors - error, 0.0), plain.factors + error
         return FormFactors(plain.factors, low, high, False, plain.counters)
-    return _estimated(receivers, sources, surfaces, quadrics, plain, accuracy)
+    return _estimated(receivers, prepared, plain, accuracy)
 
 
 def _rows(
@@ -411,27 +256,19 @@ def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
 
 
 def _estimated(
-    receivers: Receivers,
-    sources: Sources,
-    surfaces: Blockers,
-    quadrics: FloatArray,
-    plain: Rows,
-    accuracy: float,
+    receivers: Receivers, prepared: Prepared, plain: Rows, accuracy: float
 ) -> FormFactors:
     """The contour of what is seen, and other methods where that does not serve."""
     from .visible import FINEST, visible_factors
 
-    value, solved, left = visible_factors(
-        receivers, sources, surfaces, quadrics, plain.factors, accuracy
-    )
+    value, solved, left = visible_factors(receivers, prepared, plain.factors, accuracy)
     error = max(0.1 * accuracy, FINEST) * plain.factors + ABSOLUTE
     low, high = np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
     counters = {**plain.counters, "pairs_by_contour": int(solved.sum())}
     rows = np.flatnonzero(left.any(axis=1))
     if len(rows):
-        rest = _sampled(
-            receivers.take(rows), sources, surfaces, plain.take(rows), left[rows], accuracy
-        )
+        own, some = receivers.take(rows), plain.take(rows)
+        rest = _sampled(own, prepared, some, left[rows], accuracy)
         for ours, theirs in ((value, rest.value), (low, rest.low), (high, rest.high)):
             ours[rows] = np.where(left[rows], theirs, ours[rows])
         _add_counters(counters, rest.counters)
@@ -445,8 +282,7 @@ def _add_counters(counters: dict[str, int], more: Mapping[str, int]) -> None:
 
 def _sampled(
     receivers: Receivers,
-    sources: Sources,
-    surfaces: Blockers,
+    prepared: Prepared,
     plain: Rows,
     wanted: NDArray[np.bool_],
     accuracy: float,
@@ -457,6 +293,7 @@ def _sampled(
     """
     from .strict import strict_form_factors
 
+    sources, surfaces = prepared.sources, prepared.surfaces
     # The middle of a bracket is off by half of its width at most.
     sure = strict_form_factors(
         receivers,

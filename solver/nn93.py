@@ -36,11 +36,12 @@ def nn93_form_factors(
     states no other. Sub-elements are quartered until their bound is below the square root of
     ``accuracy`` of the element's, 1/1000 at least.
     """
-    from .factors import distinct_nets
     from .kernels.nn93 import nn93_rows
+    from .prepared import distinct_nets
     from .topology import writable
 
-    nets, place = distinct_nets(sources, blockers)
+    others = np.empty((0, 4, 4, 4)) if blockers is None else blockers.control_points
+    nets, place = distinct_nets(sources.control_points, others)
     value = np.zeros((len(points), len(sources)))
     bounds = np.zeros_like(value)
     if value.size:

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
+from .prepared import Prepared
 from .quadrics import may_lie_on
-from .regions import make_regions
 from .surfaces import Receivers
 
 if TYPE_CHECKING:
     from .kernels.pieces import Surfaces
-    from .kernels.pyramid import Blockers
     from .kernels.rows import Sources
 
 #: Openings narrower than this against a patch may be missed, and its factor be off by as much.
@@ -24,12 +23,7 @@ _SHARE = 0.1
 
 
 def visible_factors(
-    receivers: Receivers,
-    sources: Sources,
-    blockers: Blockers,
-    quadrics: FloatArray,
-    plain: FloatArray,
-    accuracy: float,
+    receivers: Receivers, prepared: Prepared, plain: FloatArray, accuracy: float
 ) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
     """Form factors (m, n), which of them were found, and which are left to other methods.
 
@@ -37,22 +31,19 @@ def visible_factors(
 
     Parameters
     ----------
-    receivers, sources, blockers
+    receivers : Receivers
         As in `strict.strict_form_factors`.
-    quadrics : (p, 5, 4) array
-        Of the surfaces, from `fit_quadrics`.
+    prepared : Prepared
+        What gives and hides light.
     plain : (m, n) array
         Factors without hiding.
     accuracy : float
         Error allowed relative to these.
     """
     from .kernels.visible_contour import LEFT, SOLVED, contour_rows
-    from .strict import see_through
-    from .topology import PLANAR, writable
+    from .topology import writable
 
-    # Tangent planes of those neither flat nor quadrics only.
-    surfaces = see_through(blockers, (blockers.flags & PLANAR == 0) & (quadrics[:, 4, 3] == 0.0))
-    regions = make_regions(quadrics, surfaces.neighbors, blockers)
+    sources, (surfaces, regions) = prepared.sources, prepared.outlines
     x = receivers.nodes[:, 0]
     values = np.array(plain)
     status = np.zeros(plain.shape, dtype=np.int64)
@@ -67,7 +58,7 @@ def visible_factors(
         sources.spheres,
         writable(plain),
         _SHARE * accuracy,
-        blockers,
+        prepared.surfaces,
         surfaces,
         regions,
         sources.quadrics,

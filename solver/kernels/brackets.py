@@ -27,6 +27,7 @@ import numba as nb
 import numpy as np
 
 from .cell_brackets import ALL, NOTHING, TURNS, look
+from .compiled import kernel, lean, parallel
 from .contour import horizon_tolerance, shift_net
 from .nets import CONCAVE, CONVEX, PLANAR
 from .piece_cuts import STRIP, end_value, restrict, zero_range
@@ -44,7 +45,7 @@ SKIPPED, WHOLE, TRACED, VISITED, LEFT = range(5)
 AWAY, ALONG, ASKEW = 1, 2, 3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def see_from_itself(pieces, patch, flags, view):
     """Correct the state of a patch for a receiver on it, from its shape ``flags`` and the ``view``.
 
@@ -59,7 +60,7 @@ def see_from_itself(pieces, patch, flags, view):
         pieces.state[patch] = BACK
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _source_side(g, slack):
     """`FRONT`, `BACK` or `MIXED`; where it is seen edge-on a source gives no light either way."""
     low, high = 1e300, -1e300
@@ -71,7 +72,7 @@ def _source_side(g, slack):
     return FRONT if low >= -slack else MIXED
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _silhouette_cut(whole, cell, split, g, line):
     """Parameter in which to cut a source's cell, where (0 … 1), and which half shows one side.
 
@@ -92,7 +93,7 @@ def _silhouette_cut(whole, cell, split, g, line):
     return split, 0.5, -1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _bucket(width):
     """Bucket of an unknown part: the smaller, the later."""
     if width <= 0.0:
@@ -101,7 +102,7 @@ def _bucket(width):
     return min(max(1 - exponent, 0), _BUCKETS - 1)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def bracket_pair(
     net, whole, slack, state, wide, row, goal, x, n, rounding, surfaces, pieces, roots, root_count,
     most, cells, links, arena, mine, stamps, dirty, clock, space, points, work, counters, out,
@@ -235,7 +236,7 @@ def bracket_pair(
     out[0], out[1] = max(best_low, 0.0), max(best_high, 0.0)
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
+@parallel
 def bracket_rows(
     nodes, normals, on, views, nets, flags, place, tangents, centers, goals, surfaces, sheets, hide,
     most, low, high, counters,

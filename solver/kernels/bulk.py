@@ -15,6 +15,7 @@ import numba as nb
 import numpy as np
 
 from .closure import sum_row
+from .compiled import lean, parallel
 from .contour import horizon_tolerance, shift_net
 from .edges import far_factors, find_dark, mean_factors
 from .meridian import make_lines
@@ -27,7 +28,7 @@ from .shares import ROOM, find_shares, make_shares
 _GOLDEN = 0.6180339887498949
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _find_dark(x, n, own_patch, own, sources, blockers, dark):
     """Mark the groups (g,) of which a receiver sees nothing."""
     find_dark(x, n, sources.group_nets, sources.group_cones, sources.group_spheres, dark)
@@ -47,7 +48,7 @@ def _find_dark(x, n, own_patch, own, sources, blockers, dark):
                 dark[g] = True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _unoccluded(
     x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, dark, factors,
     near, counters,
@@ -76,7 +77,7 @@ def _unoccluded(
     counters[DARK_PAIRS] += none
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _find_wanted(single, exact_above, wanted):
     """Mark the elements that are to be traced; returns whether there are any."""
     some = False
@@ -86,7 +87,7 @@ def _find_wanted(single, exact_above, wanted):
     return some
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _add_plain(weight, single, factors):
     """Add what one node would see with nothing in the way; returns of how many elements."""
     count = 0
@@ -96,7 +97,7 @@ def _add_plain(weight, single, factors):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _add(weight, single, wanted, share, deviation, factors, variances):
     """Add what one node sees of all elements that are not ``wanted``; returns how many they are."""
     count = 0
@@ -108,7 +109,7 @@ def _add(weight, single, wanted, share, deviation, factors, variances):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
+@parallel
 def form_factor_rows(
     nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
     trace, levels, tone, chunks, factors, variances, outside, sums, counters,

@@ -19,6 +19,7 @@ import math
 import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean, parallel
 from .ray_patch import FLAT_QUAD, MISS, WORK, hit_general, hit_quad, quad_parameters, setup_ray
 
 _BINS = 16
@@ -30,7 +31,7 @@ STACK = 128
 _GROUP = 64
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def build_tree(boxes):
     """Tree over boxes (m, 6): (bounds, links, order), ``order`` being the pieces leaf by leaf."""
     m = boxes.shape[0]
@@ -59,7 +60,7 @@ def build_tree(boxes):
     return bounds[:nodes].copy(), links[:nodes].copy(), order
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _union(boxes, order, first, last, out):
     for k in range(3):
         out[k], out[k + 3] = math.inf, -math.inf
@@ -69,13 +70,13 @@ def _union(boxes, order, first, last, out):
             out[k + 3] = max(out[k + 3], boxes[order[i], k + 3])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _half_area(box):
     x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
     return x * y + y * z + z * x
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _partition(boxes, order, first, last, depth):
     """Reorder ``order[first:last]`` into two groups; returns where the second begins."""
     best_cost, best_axis, best_bin = math.inf, -1, 0
@@ -140,7 +141,7 @@ def _partition(boxes, order, first, last, depth):
     return i
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _halve(boxes, order, first, last, low, high):
     """Median split along the axis of the widest centroids."""
     axis = 0
@@ -155,7 +156,7 @@ def _halve(boxes, order, first, last, low, high):
     return (first + last) // 2
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def enters(box, ox, oy, oz, ix, iy, iz, t_min, t_max):
     """Distance at which a ray with inverse direction (ix, iy, iz) enters the box, or inf."""
     a, b = (box[0] - ox) * ix, (box[3] - ox) * ix
@@ -171,7 +172,7 @@ def enters(box, ox, oy, oz, ix, iy, iz, t_min, t_max):
     return near
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def inverse(d):
     # A finite stand-in for 1/0, so that 0 · (1/0) is 0 and not NaN.
     if abs(d) < 1e-290:
@@ -179,7 +180,7 @@ def inverse(d):
     return 1.0 / d
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def trace_ray(
     bounds, links, piece_patch, piece_box, nets, kinds,
     ox, oy, oz, dx, dy, dz, t_min, t_max, facing_filter, find_any, stack, work,
@@ -239,7 +240,7 @@ def trace_ray(
     return status, patch, t_hit, u_hit, v_hit, facing_hit
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
+@parallel
 def first_hit(
     bounds, links, piece_patch, piece_box, nets, kinds, origins, directions, t_min, t_max,
     facing_filter,
@@ -268,7 +269,7 @@ def first_hit(
     return patch, t, u, v, facing, status
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
+@parallel
 def any_hit(
     bounds, links, piece_patch, piece_box, nets, kinds, origins, directions, t_min, t_max,
     facing_filter,

@@ -2,9 +2,9 @@
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import is_great_circle
 from .nets import PLANAR, heights
 from .pieces import FRONT, MIXED, angular_size, casts_shadow_edge, quarter
@@ -32,7 +32,7 @@ _STRETCH = 4.0
 NOTHING, TURNS, ALL = range(3)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _order(s, planes, normal, depths, tolerance):
     """1 when piece ``s`` lies beyond the cell, −1 strictly in front of it, 0 when neither is sure.
 
@@ -56,7 +56,7 @@ def _order(s, planes, normal, depths, tolerance):
     return 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _one_side_of(s, plane, tolerance):
     """Whether receiver and cell lie on one side of a flat piece ``plane``, or in it."""
     ax, ay, az = 0.0, 0.0, 0.0
@@ -84,7 +84,7 @@ def _one_side_of(s, plane, tolerance):
     return low >= -tolerance or high <= tolerance
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _lengths(s, out):
     """Lengths of the cell along u and along v."""
     out[0] = out[1] = 0.0
@@ -94,7 +94,7 @@ def _lengths(s, out):
             out[1] += abs(s[i, 3, k] / s[i, 3, 3] - s[i, 0, k] / s[i, 0, 3])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _cell_normal(s, normal):
     """Normal of the cell, from its corners, on whose far side the receiver is not.
 
@@ -120,7 +120,7 @@ def _cell_normal(s, normal):
         normal[0], normal[1], normal[2] = ax, ay, az
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _cone_factor(s, axis):
     """Largest form factor of a cone about ``axis`` that holds all control points: sin² of it."""
     most = 0.0
@@ -136,7 +136,7 @@ def _cone_factor(s, axis):
     return most + 4e-16
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _depths(s, axis, reach, place):
     """Least and largest depth of the control points along ``axis`` into two places of ``reach``."""
     least, most = 1e300, -1e300
@@ -150,7 +150,7 @@ def _depths(s, axis, reach, place):
     reach[place], reach[place + 1] = least, most
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _wide_cell(
     s, normal, reach, surfaces, pieces, parent, parent_count, mine, known, total, error, found
 ):
@@ -179,7 +179,7 @@ def _wide_cell(
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def look(
     s, facing, wide, noise, own_sheet, x, n, rounding, surfaces, pieces, parent, parent_count, mine,
     stamp, stamps, dirty, space, points, work, found,

@@ -6,11 +6,13 @@ A row stays in the processor's cache while it is summed and corrected; one threa
 import numba as nb
 import numpy as np
 
+from .compiled import lean, parallel
+
 #: Defect of a row that is rounding.
 _ROUNDING = 1e-14
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def sum_row(values):
     """Sum of an array, in an order of its own: four sums at a time wait less for each other."""
     a = b = c = d = 0.0
@@ -25,14 +27,14 @@ def sum_row(values):
     return (a + b) + (c + d)
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
+@parallel
 def sum_rows(factors, variances, sums):
     """Sums of factors and of variances (m, n) into ``sums`` (m, 2)."""
     for i in nb.prange(factors.shape[0]):
         sums[i, 0], sums[i, 1] = sum_row(factors[i]), sum_row(variances[i])
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
+@parallel
 def correct_rows(totals, spreads, eps, beyond, extra, extra_variances, factors, variances, sums):
     """Correct rows so that they sum to ``totals``, as `closure.close_rows` says.
 

@@ -6,12 +6,13 @@ import numba as nb
 import numpy as np
 
 from .bvh import STACK, enters, inverse
+from .compiled import lean, parallel
 from .ray_patch import FLAT_QUAD, MISS, WORK, hit_general, hit_quad, setup_ray
 
 _GROUP = 16
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _containing_part(
     bounds, links, piece_patch, piece_box, nets, kinds,
     part_of, candidates, count, ox, oy, oz, dx, dy, dz, nearest, facings, stack, work,
@@ -60,7 +61,7 @@ def _containing_part(
     return -1
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
+@parallel
 def containing_parts(
     bounds, links, piece_patch, piece_box, nets, kinds, part_of, part_boxes, points, directions
 ):

@@ -22,8 +22,9 @@ References
 
 import math
 
-import numba as nb
 import numpy as np
+
+from .compiled import kernel, lean
 
 TWO_PI = 2.0 * math.pi
 
@@ -43,7 +44,7 @@ def _rules() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 GAUSS_NODES, GAUSS_WEIGHTS, GAUSS_START = _rules()
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def shift_net(net, x, s):
     """Write the net relative to point ``x`` into ``s``.
 
@@ -61,7 +62,7 @@ def shift_net(net, x, s):
             s[i, j, 3] = w
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def load_edge(s, k, c):
     """Copy edge ``k`` (v=0, u=1, v=1, u=0; counter-clockwise) of ``s`` into ``c`` (4, 3)."""
     for i in range(4):
@@ -78,7 +79,7 @@ def load_edge(s, k, c):
         c[i, 2] = s[a, b, 2]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def cubic_point(c, t, h):
     """Evaluate the cubic ``c`` at ``t`` into ``h`` (3,)."""
     r = 1.0 - t
@@ -87,7 +88,7 @@ def cubic_point(c, t, h):
         h[k] = b0 * c[0, k] + b1 * c[1, k] + b2 * c[2, k] + b3 * c[3, k]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def turning(h, gx, gy, gz, n):
     """Integrand n · (H × H')/|H|² of the contour at a point H with derivative g."""
     num = n[0] * (h[1] * gz - h[2] * gy) + n[1] * (h[2] * gx - h[0] * gz)
@@ -95,7 +96,7 @@ def turning(h, gx, gy, gz, n):
     return num / (h[0] ** 2 + h[1] ** 2 + h[2] ** 2 + 1e-100)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def chord_term(px, py, pz, qx, qy, qz, n):
     """Contour term of a straight edge (great-circle arc) from p to q: n · (p × q) β / |p × q|."""
     cx = py * qz - pz * qy
@@ -108,7 +109,7 @@ def chord_term(px, py, pz, qx, qy, qz, n):
     return (n[0] * cx + n[1] * cy + n[2] * cz) * (beta / size)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def is_great_circle(c, sagitta, rounding):
     """Whether all control vectors lie in one plane through the receiver.
 
@@ -132,7 +133,7 @@ def is_great_circle(c, sagitta, rounding):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _curve_order(c, a, b, log_eps):
     """Gauss points that reach exp(−``log_eps``) on [a, b]; more than 12 where it must be halved.
 
@@ -181,7 +182,7 @@ def _curve_order(c, a, b, log_eps):
     return 99
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _length_and_reach(c, t, hx, hy, hz):
     """|H(t)|, and |H(t) × h|² with another point of the curve."""
     x = cubic(c[0, 0], c[1, 0], c[2, 0], c[3, 0], t)
@@ -191,7 +192,7 @@ def _length_and_reach(c, t, hx, hy, hz):
     return math.sqrt(x * x + y * y + z * z), mx * mx + my * my + mz * mz
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _curve_part(c, a, b, n, order):
     """∫ n · (H × H')/|H|² dt over [a, b] by Gauss' rule of one order."""
     part = 0.0
@@ -211,7 +212,7 @@ def _curve_part(c, a, b, n, order):
     return part * (b - a)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def curve_term(c, ta, tb, n, eps):
     """∫ n · (H × H')/|H|² dt of a curved edge over [ta, tb].
 
@@ -247,7 +248,7 @@ def curve_term(c, ta, tb, n, eps):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def edge_term(c, ta, tb, n, eps):
     """Contour term of edge ``c`` over [ta, tb]; closed form where it is straight seen from x."""
     # Below 1e-11 the sagitta is invisible.
@@ -264,13 +265,13 @@ def edge_term(c, ta, tb, n, eps):
     return curve_term(c, ta, tb, n, eps)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def cubic(s0, s1, s2, s3, t):
     r = 1.0 - t
     return r * r * r * s0 + 3.0 * t * r * r * s1 + 3.0 * t * t * r * s2 + t * t * t * s3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _monotone_root(s0, s1, s2, s3, lo, hi):
     """Sign change of a Bernstein cubic where it is monotone; −1 where it has none."""
     flo, fhi = cubic(s0, s1, s2, s3, lo), cubic(s0, s1, s2, s3, hi)
@@ -294,7 +295,7 @@ def _monotone_root(s0, s1, s2, s3, lo, hi):
     return 0.5 * (lo + hi)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def sign_breaks(s0, s1, s2, s3, out):
     """Write 0, the sign changes of a Bernstein cubic inside (0, 1), and 1 into ``out`` (8,).
 
@@ -335,7 +336,7 @@ def sign_breaks(s0, s1, s2, s3, out):
     return count + 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _closing_angle(ax, ay, az, bx, by, bz, n):
     """Signed angle from direction a to b about n: the contour term along the horizon."""
     cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -343,7 +344,7 @@ def _closing_angle(ax, ay, az, bx, by, bz, n):
     return math.atan2(n[0] * cx + n[1] * cy + n[2] * cz, ax * bx + ay * by + az * bz)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _ends_span(c):
     """Whether a cubic in the horizon stays on one side of a line through the receiver.
 
@@ -361,7 +362,7 @@ def _ends_span(c):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _turned_angle(c, n):
     """Angle about n that a cubic in the horizon turns through: its contour term, exactly.
 
@@ -398,7 +399,7 @@ def _turned_angle(c, n):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def horizon_tolerance(x):
     """Height below which a point counts as on the horizon: rounding of the coordinates."""
     return 4e-15 * (abs(x[0]) + abs(x[1]) + abs(x[2]))
@@ -413,14 +414,14 @@ _TOTAL, _ABOVE, _BEGAN, _HAS_EXIT, _HAS_ENTRY, _SIZE, _EXIT, _ENTRY, _START = (
 WALK = 15
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def begin_walk(walk):
     """Make the state ``walk`` (`WALK`,) ready for a closed contour."""
     for k in range(_EXIT):
         walk[k] = 0.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def walk_piece(c, n, eps, rounding, breaks, walk):
     """Add the part above the horizon of the contour's next piece, the cubic ``c`` (4, 3).
 
@@ -486,7 +487,7 @@ def walk_piece(c, n, eps, rounding, breaks, walk):
         walk[_BEGAN] = 1.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def end_walk(n, walk):
     """Signed form factor of what the contour encloses above the horizon."""
     if walk[_HAS_EXIT] > 0.0:
@@ -504,13 +505,13 @@ def end_walk(n, walk):
     return -walk[_TOTAL] / TWO_PI
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def walk_size(walk):
     """Form factor that the pieces above the horizon would add up to if none cancelled."""
     return walk[_SIZE] / TWO_PI
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def contour_factor(s, n, eps, rounding):
     """Signed form factor of the part of the shifted net ``s`` above the horizon.
 

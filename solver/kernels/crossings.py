@@ -8,8 +8,7 @@ they are nearly straight, and Newton's iteration ends it.
 
 import math
 
-import numba as nb
-
+from .compiled import lean
 from .contour import cubic, sign_breaks
 from .quadric import restrict_cubic
 
@@ -34,7 +33,7 @@ _STACK = 64
 _VISITS = 2000
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def is_straight(c):
     """Whether a cubic is a straight line in the picture, to rounding."""
     mx = c[0, 1] * c[3, 2] - c[0, 2] * c[3, 1]
@@ -48,7 +47,7 @@ def is_straight(c):
     return m > 0.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _roots_in_plane(mx, my, mz, c, breaks):
     """Breaks of the sign of m · H(t) along ``c``; 2 where it runs in the plane."""
     s0 = mx * c[0, 0] + my * c[0, 1] + mz * c[0, 2]
@@ -68,7 +67,7 @@ def _roots_in_plane(mx, my, mz, c, breaks):
     return sign_breaks(s0, s1, s2, s3, breaks)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _straight_crossings(a, b, breaks, more, at, count):
     """Crossings of the straight ``a`` with ``b``: parameters into ``at`` (`MOST`, 2)."""
     mx = a[0, 1] * a[3, 2] - a[0, 2] * a[3, 1]
@@ -91,7 +90,7 @@ def _straight_crossings(a, b, breaks, more, at, count):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def picture_box(c, box):
     """Box of the picture of a cubic with positive depths."""
     box[0], box[1], box[2], box[3] = 1e300, -1e300, 1e300, -1e300
@@ -101,7 +100,7 @@ def picture_box(c, box):
         box[2], box[3] = min(box[2], y), max(box[3], y)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _bend(c):
     """Largest distance of inner control points from the chord in the picture, over its length."""
     x0, y0 = c[0, 0] / c[0, 2], c[0, 1] / c[0, 2]
@@ -116,7 +115,7 @@ def _bend(c):
     return most / length2
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _apart_across(a, b):
     """Whether a line along the chord of ``a`` has ``a`` on one side and ``b`` on the other."""
     x0, y0 = a[0, 0] / a[0, 2], a[0, 1] / a[0, 2]
@@ -131,7 +130,7 @@ def _apart_across(a, b):
     return b_low > high or b_high < low
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def picture_point(c, t, out):
     """Point and derivative of the picture at ``t`` into ``out`` (4,)."""
     r = 1.0 - t
@@ -146,7 +145,7 @@ def picture_point(c, t, out):
     out[2], out[3] = (dx - out[0] * dw) / w, (dy - out[1] * dw) / w
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _newton(a, b, s, t, pa, pb, root):
     """Crossing near (s, t) into ``root`` (2,); False where the iteration does not end."""
     for _ in range(20):
@@ -167,7 +166,7 @@ def _newton(a, b, s, t, pa, pb, root):
     return abs(ds) + abs(dt) < 1e-9
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _bent_crossings(a, b, space, spans, at):
     """Crossings of two bent curves; −1 where they are not found, as where they touch."""
     ca, cb = space[0], space[1]
@@ -234,7 +233,7 @@ def _bent_crossings(a, b, space, spans, at):
     return -1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def foot_on(c, x, y, work):
     """Parameter of the point of ``c`` nearest to (x, y) in the picture, and its distance.
 
@@ -268,7 +267,7 @@ def foot_on(c, x, y, work):
     return foot, math.sqrt(best)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _overlap(a, b, work, other, at):
     """Cuts that make parts of two curves equal where one runs along the other.
 
@@ -311,7 +310,7 @@ def _overlap(a, b, work, other, at):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def crossings(a, straight_a, b, straight_b, breaks, more, space, spans, at):
     """Parameters (`MOST`, 2) of the crossings of two curves.
 

@@ -11,8 +11,9 @@ The reversed edge has −m, and gets the same τ to the bit.
 
 import math
 
-import numba as nb
 import numpy as np
+
+from .compiled import lean
 
 #: Stands for the tangent of the zenith.
 ZENITH = 1e15
@@ -20,7 +21,7 @@ ZENITH = 1e15
 TURN_ERROR = 1e-8
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def azimuth_turn(x, y):
     """Azimuth of (x, y) in turns, 0 … 1, to 3e-9.
 
@@ -37,7 +38,7 @@ def azimuth_turn(x, y):
     return 1.0 - turn if y < 0.0 else turn
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def tangent_frame(n, turn, frame):
     """Two unit vectors (2, 3) square to ``n`` and to each other, turned by ``turn`` [rad]."""
     k = 0
@@ -56,7 +57,7 @@ def tangent_frame(n, turn, frame):
     frame[1, 0], frame[1, 1], frame[1, 2] = c * fx - s * ex, c * fy - s * ey, c * fz - s * ez
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def place_points(x, n, frame, points, axes, local, before):
     """Places of points about a receiver.
 
@@ -103,7 +104,7 @@ def place_points(x, n, frame, points, axes, local, before):
         before[v] = int(place[v])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _step(pa, pb, lines):
     """How many meridians an edge between two places crosses, with the sign of its direction."""
     step = int(pb) - int(pa)
@@ -114,7 +115,7 @@ def _step(pa, pb, lines):
     return step
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _tangent(ax, ay, az, bx, by, bz, cos, sin):
     """Tangent of the elevation of an edge that lies nearly in its meridian or crosses the axis."""
     da, db = ay * cos - ax * sin, by * cos - bx * sin
@@ -127,7 +128,7 @@ def _tangent(ax, ay, az, bx, by, bz, cos, sin):
     return ZENITH if z > 0.0 else -ZENITH
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def cut_polygon(local, corners, f, upward, axes, ends):
     """Cut a polygon of four corners that shows its front with all meridians.
 
@@ -187,7 +188,7 @@ def cut_polygon(local, corners, f, upward, axes, ends):
     return first + 1, end + 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _cut_oddly(local, corners, f, upward, about_axis, axes, ends):
     """Cut a polygon about the axis, or a warped one that crosses itself as it is seen."""
     lines = axes.shape[0] // 3

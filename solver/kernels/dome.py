@@ -3,12 +3,13 @@
 import numba as nb
 import numpy as np
 
+from .compiled import parallel
 from .contour import horizon_tolerance, shift_net
 from .nets import ALWAYS_FRONT, heights
 from .pyramid import NO_BLOCKER, make_scratch, see_blockers, visible_factor
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
+@parallel
 def dome_rows(
     nodes, normals, weights, cells, tone, blockers, eps, cell_eps, trace, levels, out, counters
 ):

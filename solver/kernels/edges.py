@@ -18,10 +18,10 @@ enough: see `mean_factors`.
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from .closure import sum_row
+from .compiled import kernel, lean
 
 TWO_PI = 2.0 * math.pi
 #: Stands for the factor of an element that is not known yet.
@@ -72,7 +72,7 @@ class Edges(NamedTuple):
     mean_reach: np.ndarray
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def mean_factors(x, n, edges, square_from, factors):
     """Unoccluded form factors of distant elements by one point, A · r (n · r) / (π |r|⁴).
 
@@ -104,7 +104,7 @@ def mean_factors(x, n, edges, square_from, factors):
         factors[j] = value if good else (0.0 if dark else OPEN)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def edge_integrals(x, n, edges, first, end, integral):
     """Contour integrals of edges ``first`` … ``end``, seen from ``x`` with normal ``n``.
 
@@ -127,7 +127,7 @@ def edge_integrals(x, n, edges, first, end, integral):
             out[e] += top / (r0 * r0 + r1 * r1 + r2 * r2)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def find_dark(x, n, nets, cones, spheres, dark):
     """Mark the groups (g,) that lie below the horizon, or show their backs throughout."""
     for g in range(dark.shape[0]):
@@ -147,7 +147,7 @@ def find_dark(x, n, nets, cones, spheres, dark):
         dark[g] = dark[g] or (spread < 1.0 and away <= -slack)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def far_factors(
     x, n, edges, group, dark, cones, spheres, near_ratio, eps, shared, integral, factors, near
 ):  # fmt: skip

@@ -2,13 +2,12 @@
 
 import math
 
-import numba as nb
-
+from .compiled import lean
 from .contour import GAUSS_NODES, GAUSS_START, GAUSS_WEIGHTS
 from .sky_luminance import sky_luminance
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def add_gap(low, high, axis, n, tone, line_out):
     """Add what is seen of sky and ground from tangent ``low`` to ``high`` of one meridian.
 

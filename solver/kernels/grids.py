@@ -3,8 +3,7 @@
 A chord of a panel passes from cell to cell where it crosses the straight lines that part them.
 """
 
-import numba as nb
-
+from .compiled import lean
 from .meridian import carried
 from .sweep import HIDDEN, SHOWN, height_bin
 
@@ -12,7 +11,7 @@ from .sweep import HIDDEN, SHOWN, height_bin
 _PARTLY = 4
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _place_grid(lines, first, end, x, n, moment):
     """Normals (3) of the planes through ``x`` and a grid's lines, and their products with ``n``.
 
@@ -27,7 +26,7 @@ def _place_grid(lines, first, end, x, n, moment):
         moment[q, 3] = m0 * n[0] + m1 * n[1] + m2 * n[2]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _column(moment, first, count, d0, d1, d2, tangent):
     """Between which of ``count`` lines from row ``first`` on a point of a meridian lies: 0 … count.
 
@@ -46,14 +45,14 @@ def _column(moment, first, count, d0, d1, d2, tangent):
     return low - first + (1 if value + tangent * moment[low, 3] > 0.0 else 0)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _leaves(moment, q, d0, d1, d2, high):
     """Tangent at which the meridian along d crosses a grid's line, ``high`` at most."""
     t = -(moment[q, 0] * d0 + moment[q, 1] * d1 + moment[q, 2] * d2) / moment[q, 3]
     return t if 0.0 < t < high else high
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def find_partly(x, n, sources, found):
     """Find what is seen of every unit, and make ready the grids of those that are partly hidden."""
     state, unit, moment = found.state, found.unit, found.moment
@@ -73,7 +72,7 @@ def find_partly(x, n, sources, found):
                 _place_grid(sources.grid_lines, sizes[k, 2], end, x, n, moment)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def share_grids(sources, lines, found):
     """Add up what is nearest of the cells of panels of units that are partly hidden."""
     head, chain, span, panels = lines.head, lines.chain, lines.span, lines.panel

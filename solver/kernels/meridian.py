@@ -14,9 +14,9 @@ number of meridians.
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .cuts import cut_polygon
 
 #: Elevations that the pieces of a meridian are indexed by.
@@ -44,7 +44,7 @@ class Lines(NamedTuple):
     shown: np.ndarray  # (room,) `SHOWN` and `HIDDEN` of each chord
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_lines(azimuths, room):
     """Meridians at ``azimuths`` (lines, 2), cosines and sines, with room for so many chords."""
     lines = azimuths.shape[0]
@@ -68,13 +68,13 @@ def make_lines(azimuths, room):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def carried(low, high):
     """Form factor of elevations between two tangents, times the number of meridians."""
     return (high - low) * (high + low) / ((1.0 + low * low) * (1.0 + high * high))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def list_facing(x, planes, ranges, dark, rounding, above, listed):
     """List the panels of all lit units that turn their front to ``x``; returns how many.
 
@@ -105,7 +105,7 @@ def list_facing(x, planes, ranges, dark, rounding, above, listed):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def list_crossing(corners, before, listed, count, crossing):
     """List those of the listed panels that do not lie between two meridians; returns how many.
 
@@ -126,7 +126,7 @@ def list_crossing(corners, before, listed, count, crossing):
     return found
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def cut_panels(
     n, facets, own, frame, rounding, local, above, crossing, count, unit, lines, covered, hits,
     crossed,

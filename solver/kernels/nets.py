@@ -5,13 +5,14 @@ Shifted nets are relative to the receiver (`contour.shift_net`).
 
 import math
 
-import numba as nb
 import numpy as np
+
+from .compiled import kernel, lean
 
 PLANAR, CONVEX, CONCAVE, ALWAYS_FRONT = 1, 2, 4, 8
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def copy_net(source, target):
     """Copy a net number by number: slices compile to far more code."""
     for i in range(4):
@@ -20,7 +21,7 @@ def copy_net(source, target):
                 target[i, j, k] = source[i, j, k]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def halve_u(s, low, high):
     """Split a net at u = 1/2 by de Casteljau."""
     for j in range(4):
@@ -33,7 +34,7 @@ def halve_u(s, low, high):
             high[0, j, k], high[1, j, k], high[2, j, k], high[3, j, k] = mid, bcd, cd, d
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def halve_v(s, low, high):
     """Split a net at v = 1/2 by de Casteljau."""
     for i in range(4):
@@ -46,7 +47,7 @@ def halve_v(s, low, high):
             high[i, 0, k], high[i, 1, k], high[i, 2, k], high[i, 3, k] = mid, bcd, cd, d
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def surface(s, u, v, h, hu, hv):
     """Homogeneous point and derivatives (3,) of the shifted net at (u, v)."""
     ru, rv = 1.0 - u, 1.0 - v
@@ -78,7 +79,7 @@ def surface(s, u, v, h, hu, hv):
         hv[k] = bu0 * q0 + bu1 * q1 + bu2 * q2 + bu3 * q3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def weight_at(s, u, v):
     """Weight of the net at (u, v)."""
     ru, rv = 1.0 - u, 1.0 - v
@@ -91,7 +92,7 @@ def weight_at(s, u, v):
     return w
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def facing_at(s, u, v, h, hu, hv):
     """Positive where the receiver is on the + side at (u, v): −det(H, H_u, H_v)."""
     surface(s, u, v, h, hu, hv)
@@ -102,7 +103,7 @@ def facing_at(s, u, v, h, hu, hv):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def heights(s, n):
     """Least and largest n · H of the boundary and of the interior control vectors."""
     low = inner = 1e300
@@ -118,7 +119,17 @@ def heights(s, n):
     return low, inner, high
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
+def extremes(values):
+    """Least and largest of an array (m, n)."""
+    low = high = values[0, 0]
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            low, high = min(low, values[i, j]), max(high, values[i, j])
+    return low, high
+
+
+@lean
 def _corner_normal(s, i, j, out):
     """Normal direction at a corner of the net from the first control vectors that span one."""
     si, sj = (1 if i == 0 else -1), (1 if j == 0 else -1)
@@ -155,7 +166,7 @@ def _corner_normal(s, i, j, out):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _is_flat(s, normal):
     """Whether all control points of a net lie in one plane, to 1e-7 of its size."""
     high = size = 0.0
@@ -171,7 +182,7 @@ def _is_flat(s, normal):
     return high <= 1e-7 * size
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def normal_cone(s, cone):
     """Axis (3) and sine of the half-angle of a cone about the normals of a net into ``cone`` (4).
 
@@ -226,7 +237,7 @@ def normal_cone(s, cone):
             cone[3] = 0.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def facing_of(s, cone, rounding):
     """Side of the shifted net seen from the origin: 1 front, −1 back or edge-on, 0 undecided."""
     front, back = True, True

@@ -16,6 +16,7 @@ import math
 import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean, parallel
 from .contour import chord_term, cubic_point, horizon_tolerance, load_edge, shift_net
 from .nets import halve_u, halve_v
 
@@ -25,13 +26,13 @@ _LINES = 8
 _STACK = 128
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _band(alpha):
     """E(α) of eq. 5."""
     return (alpha - math.cos(alpha) * math.sin(alpha)) / _TWO_PI
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def band_bound(s, n, ex, ey):
     """Upper bound of the form factor of a net above the horizon [1, eq. 5 and 6]; 1 if it dips.
 
@@ -56,7 +57,7 @@ def band_bound(s, n, ex, ey):
     return (y1 - y0) * (_band(a1) - _band(a0))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def polygon_factor(s, n, chords):
     """Eq. 4 over π of the boundary in ``chords`` chords an edge, clipped by the horizon."""
     c = np.empty((4, 3))
@@ -88,7 +89,7 @@ def polygon_factor(s, n, chords):
     return -total / _TWO_PI
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sagitta(s):
     """Largest departure of the boundary from chords, as an angle: the flatness test."""
     worst = 0.0
@@ -110,7 +111,7 @@ def _sagitta(s):
     return worst
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _hull_interval(high, out):
     """Cut ``out`` (2,) to where the hull of (i/3, high_i) reaches values >= 0; False if nowhere.
 
@@ -131,7 +132,7 @@ def _hull_interval(high, out):
     return out[0] <= out[1]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _cut(s, along_u, a, b):
     """Restrict a net to [a, b] of one parameter, in place."""
     w = np.empty(4)
@@ -153,7 +154,7 @@ def _cut(s, along_u, a, b):
                     s[m, i, k] = w[i]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _clip_blocker(s, quad, along_u, out):
     """Interval of one parameter in which blocker ``s`` may meet the quad (4, 2), eq. 9 to 14.
 
@@ -187,7 +188,7 @@ def _clip_blocker(s, quad, along_u, out):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _add_spans(s, quad, spans, counts):
     """Write where a flat blocker piece crosses each scanline of the quad, as shares of the line."""
     px, py = np.empty(4), np.empty(4)
@@ -220,7 +221,7 @@ def _add_spans(s, quad, spans, counts):
             counts[line] += 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def visible_share(cell, blockers, own, fine, stack, spans):
     """Share of a sub-element that no blocker (p, 4, 4, 4) hides; both relative to the receiver."""
     z = np.zeros(3)
@@ -336,7 +337,7 @@ def visible_share(cell, blockers, own, fine, stack, spans):
     return 1.0 - hidden / _LINES
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
+@parallel
 def nn93_rows(points, normals, sources, place, nets, tolerance, trace, out, bounds):
     """Form factors (m, n) by the method of the paper into ``out``, eq. 5 into ``bounds``.
 

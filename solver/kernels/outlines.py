@@ -11,11 +11,11 @@ A receiver looks at a sheet when something of it is in the way, not before.
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import cubic, load_edge, shift_net, sign_breaks
-from .nets import PLANAR, copy_net, halve_u, halve_v, heights
+from .nets import PLANAR, copy_net, extremes, halve_u, halve_v, heights
 from .pieces import BACK, COLLAPSED, FREE, FRONT, MIXED, NONE, see_tangents
 from .quadric import front_outline, polar_plane, restrict_cubic, side_values
 from .regions import (
@@ -65,7 +65,7 @@ class Outlines(NamedTuple):
     level: np.ndarray  # (levels,)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_outlines(patches, sheets, regions):
     """Room for so many patches."""
     return Outlines(
@@ -93,7 +93,7 @@ def make_outlines(patches, sheets, regions):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def forget_outlines(out):
     """Make ready for the next receiver."""
     for b in range(out.shifted.shape[0]):
@@ -106,7 +106,7 @@ def forget_outlines(out):
     out.count[0] = 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def is_low(b, nets, x, n, rounding, shifted, low, out):
     """Whether patch ``b`` is wholly below the horizon of receiver ``x`` with normal ``n``.
 
@@ -120,7 +120,7 @@ def is_low(b, nets, x, n, rounding, shifted, low, out):
     return low[b]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _see_side(net, cone, quadric, x, rounding, polar, values):
     """How a plane or quadric is seen; writes ``polar``."""
     if polar_plane(quadric, x, polar):
@@ -141,11 +141,11 @@ def _see_side(net, cone, quadric, x, rounding, polar, values):
     return BACK if high <= zero else MIXED
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _see_odd(tangents, center, x, polar, values):
     """How a patch of another kind is seen."""
     zero = see_tangents(tangents, center, x, values)
-    low, high = values.min(), values.max()
+    low, high = extremes(values)
     polar[0] = polar[1] = polar[2] = 0.0
     polar[3] = 1.0 if low > -zero else -1.0
     if high <= zero and low >= -zero:
@@ -156,7 +156,7 @@ def _see_odd(tangents, center, x, polar, values):
     return BACK if high <= zero else ODD
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sides_on(c, w, polar, g):
     """Side seen along an edge, as `side_along`, into ``g`` (4,); what is rounding is 0."""
     g[0], g[1], g[2], g[3], size = side_along(c, w, polar)
@@ -165,7 +165,7 @@ def _sides_on(c, w, polar, g):
         g[i] = 0.0 if abs(g[i]) <= 1e-13 * size else g[i]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _edge_weights(s, k, w):
     for i in range(4):
         if k == 0:
@@ -178,7 +178,7 @@ def _edge_weights(s, k, w):
             w[i] = s[0, 3 - i, 3]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def reverse_cubic(c):
     """Turn the direction of a cubic, in place."""
     for k in range(3):
@@ -186,7 +186,7 @@ def reverse_cubic(c):
         c[1, k], c[2, k] = c[2, k], c[1, k]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _add_edge(b, side, o, turn, nets, state, polar, work, breaks, curve, sides, count):
     """Add the parts of an edge of patch ``b`` at which its sheet ends; −1 for no room.
 
@@ -239,7 +239,7 @@ def _add_edge(b, side, o, turn, nets, state, polar, work, breaks, curve, sides, 
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _silhouette_of(b, quadric, x, out, count):
     """Add the arcs of the silhouette of a quadric patch; −1 where they are not found."""
     stack, level, f, pieces = out.stack, out.level, out.values, out.pieces
@@ -275,7 +275,7 @@ def _silhouette_of(b, quadric, x, out, count):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _cut_region(r, neighbors, regions, x, out):
     """Find where the silhouette of a region crosses its boundary; False where it is not known."""
     c, w, quadric = out.pieces[0], out.work[2], regions.quadric[r]
@@ -293,7 +293,7 @@ def _cut_region(r, neighbors, regions, x, out):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _corner_signs(patch, first, end, nets, polars):
     """Whether both sides are seen at corners of a region's patches."""
     up = down = False
@@ -309,7 +309,7 @@ def _corner_signs(patch, first, end, nets, polars):
     return up and down
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _silhouettes_of(r, neighbors, regions, x, out, count):
     """Add the silhouette of a region that shows both sides; −1 where it is not found."""
     first, end, bounded = regions.first[r], regions.first[r + 1], regions.bounded[r]
@@ -331,7 +331,7 @@ def _silhouettes_of(r, neighbors, regions, x, out, count):
     return made
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def see_ellipsoid(r, b, quadric, center, x, out):
     """Find the silhouette of region ``r``, a whole ellipsoid with patch ``b``; whether it is known.
 
@@ -351,7 +351,7 @@ def see_ellipsoid(r, b, quadric, center, x, out):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def see_sides(sheet, surfaces, cones, regions, x, n, rounding, out):
     """Find the sides seen of the patches of a sheet.
 
@@ -382,7 +382,7 @@ def see_sides(sheet, surfaces, cones, regions, x, n, rounding, out):
             whole[b] = True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def find_outlines(sheet, surfaces, regions, x, out):
     """Find the outlines of a sheet of which the sides are known. Parameters as of `see_sides`."""
     out.looked[sheet] = OUTLINED
@@ -443,7 +443,7 @@ def find_outlines(sheet, surfaces, regions, x, out):
     out.count[0] = count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _settle(b, mixed, out):
     """Note that a patch shows one side only, in spite of its control points, unless ``mixed``."""
     if not mixed:
@@ -452,7 +452,7 @@ def _settle(b, mixed, out):
         out.state[b] = FRONT if f[0, 0] + f[0, 3] + f[3, 0] + f[3, 3] > 0.0 else BACK
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def side_of(b, quadric, x, out):
     """How a patch of a known sheet is seen, for sure: not by its control points alone."""
     if out.state[b] == MIXED:
@@ -461,7 +461,7 @@ def side_of(b, quadric, x, out):
     return out.state[b]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _forget_about(b, neighbors, whole):
     """Note that outlines of a patch, and those of its neighbours found with it, are not known."""
     whole[b] = False

@@ -11,9 +11,9 @@ only: with pieces of angle θ the error falls as θ⁴.
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import contour_factor, cubic_point, load_edge
 from .nets import (
     ALWAYS_FRONT,
@@ -34,7 +34,7 @@ _DEEPEST_NEAR = 22
 _STACK = 3 * _DEEPEST_NEAR + 4
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _is_near(s, angle):
     """Whether the net is seen under more than ``angle`` [rad], estimated from its corners."""
     mx = my = mz = 0.0
@@ -55,7 +55,7 @@ def _is_near(s, angle):
     return 4.0 * reach2 > angle * angle * (mx * mx + my * my + mz * mz)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _on_edge(s, c, h):
     """Whether the receiver lies on the boundary of a small net, to 1e-6 of its edges."""
     for k in range(4):
@@ -74,7 +74,7 @@ def _on_edge(s, c, h):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _centre_estimate(s, n, h, hu, hv):
     """One-point estimate max(0, cos) max(0, cos) dA / (π r²) at the centre of a tiny net."""
     g = facing_at(s, 0.5, 0.5, h, hu, hv)
@@ -86,7 +86,7 @@ def _centre_estimate(s, n, h, hu, hv):
     return g * up / (math.pi * r2 * r2)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _modulo_whole(value):
     """A contour's value moved by a whole where it is far from the share of a hemisphere it is."""
     if value < -0.25:
@@ -96,7 +96,7 @@ def _modulo_whole(value):
     return value
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def patch_factor(s, x, n, cone, flags, quadric, eps, rounding):
     """Form factor, ignoring other surfaces, of the lit side of shifted net ``s`` above the horizon.
 

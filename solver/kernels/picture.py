@@ -7,9 +7,9 @@ runs to the right, so that the left of a curve is on the other side than on pape
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .crossings import picture_point
 from .quadric import restrict_cubic
 
@@ -19,7 +19,7 @@ HALVINGS = 10
 _POINT = 1e-13
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def frame_at(s, frame):
     """Rows: two directions, and third that to the middle of the corners of ``s``; ok."""
     ax = ay = az = 0.0
@@ -55,7 +55,7 @@ def frame_at(s, frame):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def turn_into(frame, c, out):
     """Control vectors ``c`` (4, 3) in the frame."""
     for i in range(4):
@@ -63,7 +63,7 @@ def turn_into(frame, c, out):
             out[i, k] = frame[k, 0] * c[i, 0] + frame[k, 1] * c[i, 1] + frame[k, 2] * c[i, 2]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def mean_normal(s, normal):
     """Normal of the diagonals of ``s``, away from the receiver; False where there is none."""
     for k in range(3):
@@ -86,7 +86,7 @@ def mean_normal(s, normal):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def heights_along(s, normal, reach):
     """Least and largest height of a net over the receiver along ``normal`` into ``reach`` (2,)."""
     low, high = 1e300, -1e300
@@ -98,7 +98,7 @@ def heights_along(s, normal, reach):
     reach[0], reach[1] = low, high
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _order(low, high, reach):
     """1 where what reaches from ``low`` to ``high`` is beyond the patch, −1 before it, or 0."""
     tolerance = 1e-9 * max(abs(reach[0]), abs(reach[1]))
@@ -110,7 +110,7 @@ def _order(low, high, reach):
     return 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def order(b, normal, reach):
     """1 where net ``b`` is beyond a patch, −1 where it is before it, 0 where neither is sure.
 
@@ -122,7 +122,7 @@ def order(b, normal, reach):
     return _order(own[0], own[1], reach)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def order_of_sphere(sphere, x, normal, reach):
     """The same for all that is in a ``sphere`` (4,) seen from receiver ``x``."""
     d = normal[0] * (sphere[0] - x[0]) + normal[1] * (sphere[1] - x[1])
@@ -130,7 +130,7 @@ def order_of_sphere(sphere, x, normal, reach):
     return _order(d - sphere[3], d + sphere[3], reach)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def order_by_plane(s, b, axis):
     """The same for a flat net ``b`` with normal ``axis``, by its own plane: 1, −1, or 0.
 
@@ -151,7 +151,7 @@ def order_by_plane(s, b, axis):
     return -1 if high <= 1e-9 * size else 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def is_point(c):
     """Whether a curve has no length in the picture: a pole, or an edge along the view."""
     size = 0.0
@@ -161,7 +161,7 @@ def is_point(c):
     return size <= _POINT
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def add_outline(c, frame, box, curves, count, level, stack):
     """Add what of a curve may lie in the picture of the patch; −1 where there is no more room."""
     turn_into(frame, c, stack[0])
@@ -209,7 +209,7 @@ def add_outline(c, frame, box, curves, count, level, stack):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def add_horizon(n, box, curves, count):
     """Add the horizon, directed so that what is below is on its left, where it is in the picture.
 
@@ -235,7 +235,7 @@ def add_horizon(n, box, curves, count):
     return count + 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def beside(c, t, left, frame, at, d):
     """Direction ``d`` a little beside the curve at ``t``, in the coordinates of the scene.
 

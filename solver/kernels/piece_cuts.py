@@ -1,7 +1,8 @@
 """Where pieces of surfaces are cut: in the middle, across their length, or along a silhouette."""
 
-import numba as nb
 import numpy as np
+
+from .compiled import kernel, lean
 
 #: A silhouette within this share of a parameter is cut out as a strip.
 STRIP = 0.25
@@ -9,7 +10,7 @@ STRIP = 0.25
 _STRETCH = 16.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def restrict(g, a, b, along_u, work):
     """Coefficients of ``g`` (d, d) on [a, b] of one parameter, in place."""
     d = g.shape[0]
@@ -30,7 +31,7 @@ def restrict(g, a, b, along_u, work):
                 g[m, k] = work[k]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def zero_range(g, slack, along_u, zone):
     """Range of one parameter in which coefficients (9, 9) may vanish, into ``zone`` (2,).
 
@@ -58,7 +59,7 @@ def zero_range(g, slack, along_u, zone):
                 zone[0], zone[1] = min(zone[0], t), max(zone[1], t)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def end_value(g, along_u, end):
     """The larger of the values at the two corners at one ``end`` (0, 1) of a parameter.
 
@@ -69,7 +70,7 @@ def end_value(g, along_u, end):
     return a if abs(a) > abs(b) else b
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _is_longer(s, along_u):
     """Whether a net is far longer in one parameter than in the other."""
     u = v = 0.0
@@ -80,7 +81,7 @@ def _is_longer(s, along_u):
     return u > _STRETCH * v if along_u else v > _STRETCH * u
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def lay_out(net, g, slack, mixed, parts):
     """Where to cut a piece: four boxes (4, 4) in its own parameters.
 

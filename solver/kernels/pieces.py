@@ -9,9 +9,10 @@ receiver; by the convex hull property a piece whose coefficients have one sign h
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
+from .nets import extremes
 from .piece_cuts import end_value, lay_out, restrict
 
 #: How a surface is seen: not at all (below the horizon or edge-on), + side, − side, both.
@@ -64,7 +65,7 @@ class Pieces(NamedTuple):
     used: np.ndarray  # (1,)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_pieces(patches, capacity):
     """Empty pool for so many patches and ``capacity`` pieces of them."""
     k = patches + capacity
@@ -80,7 +81,7 @@ def make_pieces(patches, capacity):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def forget_pieces(pieces):
     """Keep the patches only: the next source needs other pieces."""
     pieces.used[0] = pieces.slack.shape[0]
@@ -88,7 +89,7 @@ def forget_pieces(pieces):
         pieces.child[b] = -1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def side_seen(g, slack, skip):
     """`FRONT`, `BACK` or `MIXED` from coefficients (9, 9) beyond ``slack``.
 
@@ -108,7 +109,7 @@ def side_seen(g, slack, skip):
     return MIXED
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _skip(neighbors, box):
     """Bits of the sides of a box that lie on collapsed sides of its patch."""
     skip = 0
@@ -123,7 +124,7 @@ def _skip(neighbors, box):
     return skip
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def see_tangents(tangents, center, x, g):
     """Write heights (9, 9) of ``x`` over tangent planes (9, 9, 4) to ``g``; return the rounding."""
     dx, dy, dz = x[0] - center[0], x[1] - center[1], x[2] - center[2]
@@ -136,7 +137,7 @@ def see_tangents(tangents, center, x, g):
     return 1e-12 * scale
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def see_surfaces(surfaces, x, n, rounding, pieces):
     """Put all patches into the pool as receiver ``x`` with normal ``n`` sees them."""
     count = surfaces.nets.shape[0]
@@ -159,7 +160,7 @@ def see_surfaces(surfaces, x, n, rounding, pieces):
         pieces.slack[b] = see_tangents(
             surfaces.tangents[b], surfaces.centers[b], x, pieces.heights[b]
         )
-        low_g, high_g = pieces.heights[b].min(), pieces.heights[b].max()
+        low_g, high_g = extremes(pieces.heights[b])
         if high <= rounding or (high_g <= pieces.slack[b] and low_g >= -pieces.slack[b]):
             pieces.state[b] = NONE
         else:
@@ -170,7 +171,7 @@ def see_surfaces(surfaces, x, n, rounding, pieces):
             pieces.state[b] = side_seen(pieces.heights[b], -pieces.slack[b], skip)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def quarter(pieces, surfaces, i):
     """First of the four children of piece ``i``, made when asked for; −1 when the pool is full."""
     if pieces.child[i] >= 0:
@@ -223,7 +224,7 @@ def quarter(pieces, surfaces, i):
     return first
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _neighbor_side(pieces, neighbors, patch, side, a, b):
     """Side from which ``patch`` is seen along [a, b] of one of its boundary sides."""
     if pieces.state[patch] != MIXED:
@@ -260,7 +261,7 @@ def _neighbor_side(pieces, neighbors, patch, side, a, b):
     return MIXED
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def casts_shadow_edge(pieces, surfaces, i, side):
     """Whether ``side`` of piece ``i`` may end its sheet as seen from the receiver: 0, 1 or 2.
 
@@ -301,7 +302,7 @@ def casts_shadow_edge(pieces, surfaces, i, side):
     return 1 if same == (beyond[3] < 0) else 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def angular_size(s):
     """Radius of the control points about their middle, over its distance (of order; capped)."""
     cx = cy = cz = 0.0

@@ -21,9 +21,9 @@ References
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import load_edge
 from .nets import (
     ALWAYS_FRONT,
@@ -66,7 +66,7 @@ class Scratch(NamedTuple):
     active: np.ndarray
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_scratch(patches, levels):
     """Scratch arrays for scenes of so many patches and quarterings of so many levels."""
     return Scratch(
@@ -123,7 +123,7 @@ class Blockers(NamedTuple):
     spheres: np.ndarray
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def see_blockers(blockers, x, n, rounding, shifted, state):
     """Shift all blockers to receiver ``x`` and tell from which side each is seen.
 
@@ -165,7 +165,7 @@ def see_blockers(blockers, x, n, rounding, shifted, state):
             state[b] = MIXED
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def make_pyramid(s, planes):
     """Side planes (4, 3), unit normals inward, of shifted cell ``s``, its view axis and depths.
 
@@ -239,7 +239,7 @@ def make_pyramid(s, planes):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def outside_pyramid(planes, s):
     """Whether all control points of ``s`` lie outside one side plane or behind the receiver."""
     for k in range(4):
@@ -265,7 +265,7 @@ def outside_pyramid(planes, s):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def edge_outside(planes, n, rounding, s, side, c, touch):
     """Whether a side of ``s`` lies below the horizon or outside one side plane of the pyramid.
 
@@ -292,7 +292,7 @@ def edge_outside(planes, n, rounding, s, side, c, touch):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _one_sided_within(planes, s, rounding, parts):
     """Side from which all of blocker ``s`` that meets the pyramid is seen; 0 when there are two.
 
@@ -327,7 +327,7 @@ def _one_sided_within(planes, s, rounding, parts):
     return seen if seen != 0 else 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _cell_depths(s, cone, depths):
     """Least and largest N · P over the cell, N its mean normal turned away from the receiver."""
     low, high = 1e300, -1e300
@@ -343,7 +343,7 @@ def _cell_depths(s, cone, depths):
     depths[0], depths[1] = low, high
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _depth_of(s, cone, planes, depths, front_facing, tolerance):
     """Order of blocker ``s`` and the cell: 1 wholly beyond, −1 wholly in front, 0 neither."""
     low, high = 1e300, -1e300
@@ -367,7 +367,7 @@ def _depth_of(s, cone, planes, depths, front_facing, tolerance):
     return 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
     """Whether a blocker listed from ``first`` to ``count`` meets x + t d, 0 < t < t_max."""
     length2 = dx * dx + dy * dy + dz * dz
@@ -390,7 +390,7 @@ def _blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
     """Whether a listed blocker hides the point (u, v) of the cell from the receiver."""
     surface(s, u, v, h, hu, hv)
@@ -401,7 +401,7 @@ def _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
     return _blocked(blockers, listed, first, count, x, h[0] / w, h[1] / w, h[2] / w, t_max, work)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _height_seen(s, n, front, u, v, h, hu, hv):
     """Height of the point (u, v) of the cell above the receiver's horizon, over its distance.
 
@@ -415,7 +415,7 @@ def _height_seen(s, n, front, u, v, h, hu, hv):
     return (n[0] * h[0] + n[1] * h[1] + n[2] * h[2]) / max(size, 1e-300)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _centre_blocked(s, n, front, x, blockers, listed, first, count, work, h, hu, hv):
     """Whether a listed blocker hides the middle of what the receiver may see of the cell.
 
@@ -435,13 +435,13 @@ def _centre_blocked(s, n, front, x, blockers, listed, first, count, work, h, hu,
     return _point_blocked(s, bu, bv, x, blockers, listed, first, count, work, h, hu, hv)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _scrambled(seed):
     """Next number of a linear congruential sequence modulo 2^31."""
     return (seed * 1103515245 + 12345) & 0x7FFFFFFF
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _visible_share(s, n, front, x, blockers, listed, count, samples, seed, work, h, hu, hv):
     """Share that the receiver sees of the points in the cell's factor, of samples x samples strata.
 
@@ -467,7 +467,7 @@ def _visible_share(s, n, front, x, blockers, listed, count, samples, seed, work,
     return seen / up
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _is_small(planes):
     """Whether the luminance of the sky is smooth over the pyramid: less than 8 degrees wide."""
     for k in range(2):
@@ -480,7 +480,7 @@ def _is_small(planes):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _mean_luminance(s, n, tone, h, hu, hv):
     """Mean luminance of a small cell at infinity, 2 x 2 Gauss points weighted as in dF. [cd/m²]"""
     total = 0.0
@@ -507,7 +507,7 @@ def _mean_luminance(s, n, tone, h, hu, hv):
     return total / weights if weights > 0.0 else 0.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def visible_factor(
     s0, x, n, cone0, flags, quadric, solid, eps, cell_eps, rounding, tone, blockers, listed0,
     count0, scratch, out,

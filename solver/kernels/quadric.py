@@ -16,9 +16,9 @@ References
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import (
     WALK,
     begin_walk,
@@ -46,7 +46,7 @@ _SHARE = 0.03
 _INTERVALS = 16
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def polar_plane(quadric, x, polar):
     """Coefficients (4,) of the side seen from ``x`` in shifted control vectors (H, w).
 
@@ -67,7 +67,7 @@ def polar_plane(quadric, x, polar):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def side_values(s, polar, f):
     """Bernstein coefficients (4, 4) of the side seen: least, largest, and what is rounding."""
     low, high, size = 1e300, -1e300, 0.0
@@ -82,7 +82,7 @@ def side_values(s, polar, f):
     return low, high, _ROUNDING * size
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def side_on_edge(f, k, zero, g):
     """The coefficients (4,) along boundary edge ``k`` of `contour.load_edge`."""
     for i in range(4):
@@ -97,7 +97,7 @@ def side_on_edge(f, k, zero, g):
         g[i] = 0.0 if abs(value) <= zero else value
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def restrict_cubic(c, a, b):
     """Cut the cubic ``c`` (4, 3) to [a, b], in place."""
     for k in range(3):
@@ -116,7 +116,7 @@ def restrict_cubic(c, a, b):
         c[0, k], c[1, k], c[2, k], c[3, k] = p0, p1, p2, p3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _bernstein_value(f, u, v):
     """Value of the bicubic ``f`` (4, 4)."""
     total = 0.0
@@ -135,7 +135,7 @@ def _bernstein_value(f, u, v):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _between(f, u0, v0, u1, v1, at):
     """Point ``at`` (2,) of the silhouette square to the middle of a chord; False where none is.
 
@@ -185,7 +185,7 @@ def _between(f, u0, v0, u1, v1, at):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _times(quadric, p, out):
     for k in range(4):
         out[k] = (
@@ -196,7 +196,7 @@ def _times(quadric, p, out):
         )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _minor(a, b, c, i, j, k):
     """3 x 3 determinant of the columns i, j, k of three rows."""
     return (
@@ -206,7 +206,7 @@ def _minor(a, b, c, i, j, k):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def conic_arc(quadric, x, ends, work, c):
     """Rational arc of the silhouette as a cubic ``c`` (4, 3) of shifted control vectors.
 
@@ -305,7 +305,7 @@ def conic_arc(quadric, x, ends, work, c):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _edge_point(s, k, t, point):
     """Parameters of the point at ``t`` of boundary edge ``k``, and the ``point`` (3,) itself."""
     u = t if k == 0 else (1.0 if k == 1 else (1.0 - t if k == 2 else 0.0))
@@ -330,7 +330,7 @@ def _edge_point(s, k, t, point):
     return u, v
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def front_outline(s, x, quadric, f, zero, whole, pieces, breaks, ends, work):
     """Outline of the part of a net that shows its + side, where it shows both.
 
@@ -406,7 +406,7 @@ def front_outline(s, x, quadric, f, zero, whole, pieces, breaks, ends, work):
     return made + 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def quadric_factor(s, x, n, quadric, eps, rounding):
     """Form factor of the + side of a net on a quadric; NaN where it must be split first.
 

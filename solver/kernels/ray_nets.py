@@ -8,7 +8,7 @@ coefficients on the current box and a stack of boxes.
 
 import math
 
-import numba as nb
+from .compiled import lean
 
 #: Length of the scratch array one ray needs.
 WORK = 640
@@ -20,7 +20,7 @@ EPS = 2.220446049250313e-16
 ROUNDING = 16.0 * EPS
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def setup_ray(ox, oy, oz, dx, dy, dz, work):
     """Store the ray and two unit normals of planes through it, n1 × n2 along d [1], in ``work``."""
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -35,7 +35,7 @@ def setup_ray(ox, oy, oz, dx, dy, dz, work):
     work[12] = length * length
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def load_nets(net, work):
     """Scalar nets D1, D2, T (distance along the ray times w) and w; returns the error of D."""
     ox, oy, oz = work[0], work[1], work[2]
@@ -61,7 +61,7 @@ def load_nets(net, work):
     return ROUNDING * scale
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def sub_net(work, source, target, u0, u1, v0, v1):
     """Coefficients on [u0, u1] x [v0, v1] from those on the unit square, by blossoms."""
     a, b = u0, u1
@@ -106,7 +106,7 @@ def sub_net(work, source, target, u0, u1, v0, v1):
         work[s + 3] = q * q * q * c0 + 3 * q * q * b * c1 + 3 * q * b * b * c2 + b * b * b * c3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def value(work, net, u, v):
     """Value of a scalar net."""
     p, q = 1.0 - u, 1.0 - v
@@ -118,7 +118,7 @@ def value(work, net, u, v):
     return p * p * p * r0 + 3 * p * p * u * r1 + 3 * p * u * u * r2 + u * u * u * r3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def value_slopes(work, net, u, v):
     """Value, ∂u and ∂v of a scalar net."""
     p, q = 1.0 - u, 1.0 - v
@@ -145,7 +145,7 @@ def value_slopes(work, net, u, v):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def newton(work, u, v):
     """Root of D near (u, v): (converged, u, v)."""
     last = 1.0

@@ -19,8 +19,7 @@ that two patches share hits at least one of them.
 
 import math
 
-import numba as nb
-
+from .compiled import lean
 from .ray_nets import (
     D1,
     D2,
@@ -67,7 +66,7 @@ _NARROWEST = 1e-8
 _MAX_TOLERANCE = 1e-5
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _edge_on(work, error):
     """Whether the ray sees the patch as a line within rounding: it has no area to hit."""
     best, k = -1.0, 0
@@ -82,7 +81,7 @@ def _edge_on(work, error):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _facing(work, u, v, error):
     """+1 where the ray runs against the +normal, −1 along it, 0 where they are square."""
     for _ in range(2):
@@ -97,7 +96,7 @@ def _facing(work, u, v, error):
     return -1 if det > 0.0 else (1 if det < 0.0 else 0)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def hit_general(net, box_u0, box_u1, box_v0, box_v1, t_min, t_max, facing_filter, find_any, work):
     """Nearest (or any) hit of the ray in ``work`` with the given parameter box of the patch.
 
@@ -244,7 +243,7 @@ def hit_general(net, box_u0, box_u1, box_v0, box_v1, t_min, t_max, facing_filter
     return status, t_hit, u_hit, v_hit, facing_hit
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _longer_in_u(work, u0, u1, v0, v1):
     """Whether the box extends further along u than along v across the ray."""
     size_u, size_v = 0.0, 0.0
@@ -261,7 +260,7 @@ def _longer_in_u(work, u0, u1, v0, v1):
     return size_u >= size_v
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def ray_patch(net, kind, ox, oy, oz, dx, dy, dz, t_min, t_max, work):
     """Nearest hit of o + t d with the exact patch, t_min < t < t_max.
 
@@ -294,7 +293,7 @@ def ray_patch(net, kind, ox, oy, oz, dx, dy, dz, t_min, t_max, work):
     return hit_general(net, 0.0, 1.0, 0.0, 1.0, t_min, t_max, facing_filter, find_any, work)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def ray_patch_any(net, kind, ox, oy, oz, dx, dy, dz, t_min, t_max, facing_filter, work):
     """Whether the ray hits the patch at all; see `ray_patch`.
 

@@ -5,16 +5,16 @@ Such a patch covers exactly its quad, whatever its parametrisation: plane and ed
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .ray_nets import D1, D2, EPS, ROUNDING, load_nets, value_slopes
 
 #: Kinds of patches, see `classify_patches`.
 GENERAL, FLAT_QUAD = 0, 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def hit_quad(net, t_min, t_max, work):
     """Ray in ``work`` against a `FLAT_QUAD`: (hit, t, facing); u and v by `quad_parameters`.
 
@@ -63,7 +63,7 @@ def hit_quad(net, t_min, t_max, work):
     return True, t, (-1 if slope > 0.0 else 1)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def quad_parameters(net, work):
     """Parameters (u, v) at which the ray in ``work`` hits a `FLAT_QUAD`."""
     load_nets(net, work)
@@ -83,7 +83,7 @@ def quad_parameters(net, work):
     return u, v
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def classify_patches(nets):
     """Kinds (p,) of nets (p, 4, 4, 4): `FLAT_QUAD` for a flat convex quad with straight edges.
 
@@ -108,7 +108,7 @@ def classify_patches(nets):
     return kinds
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _is_flat_quad(points, size):
     tolerance = 1e-13 * size
     for k in range(3):
@@ -176,7 +176,7 @@ def _is_flat_quad(points, size):
     return _does_not_fold(flat, tolerance * size)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _does_not_fold(flat, slack):
     """Whether all inner control points stay inside: differences along u and v turn one way."""
     for i in range(3):

@@ -11,9 +11,9 @@ leave no trace.
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import cubic, sign_breaks
 
 #: Kinds of regions: done patch by patch, on an ellipsoid, on a cone or cylinder.
@@ -78,7 +78,7 @@ class Cuts(NamedTuple):
     listed: np.ndarray  # (k,) scratch
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_cuts(patches):
     """Room for those of sheets with so many patches."""
     room = 8 * patches + 8
@@ -93,7 +93,7 @@ def make_cuts(patches):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def cut_boundary(region, c, w, polar, quadric, x, breaks, cuts):
     """Add the points of a boundary edge at which the side seen changes; False where not known.
 
@@ -152,7 +152,7 @@ def cut_boundary(region, c, w, polar, quadric, x, breaks, cuts):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def side_along(c, w, polar):
     """Side seen along a cubic edge ``c`` (4, 3) with weights ``w``: coefficients, size of terms."""
     a0 = polar[0] * c[0, 0] + polar[1] * c[0, 1] + polar[2] * c[0, 2]
@@ -164,7 +164,7 @@ def side_along(c, w, polar):
     return a0 + b0, a1 + b1, a2 + b2, a3 + b3, size
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _normal_at(quadric, x, px, py, pz):
     """Gradient of the quadric at a point relative to the receiver: along the +normal."""
     scale = quadric[4, 3]
@@ -178,7 +178,7 @@ def _normal_at(quadric, x, px, py, pz):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sort_places(cuts, number):
     """Order the first ``number`` listed cuts by their places."""
     for k in range(1, number):
@@ -190,26 +190,26 @@ def _sort_places(cuts, number):
         cuts.listed[i] = m
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _times(a, v, out):
     """Product of the upper left 3 x 3 of ``a`` and ``v``."""
     for i in range(3):
         out[i] = a[i, 0] * v[0] + a[i, 1] * v[1] + a[i, 2] * v[2]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _cross(a, b, out):
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _add_arcs(low, high, quadric, middle, axes, x, curves, count):
     """Add the arcs of an ellipse between two angles; returns how many there are, −1 for no room."""
     pieces = int(math.ceil((high - low) / _ARC))
@@ -238,7 +238,7 @@ def _add_arcs(low, high, quadric, middle, axes, x, curves, count):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def round_arcs(region, inside, quadric, center, x, cuts, work, curves, count):
     """Add the silhouette of an ellipsoidal region, counter-clockwise as the receiver sees it.
 
@@ -326,7 +326,7 @@ def round_arcs(region, inside, quadric, center, x, cuts, work, curves, count):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def ruled_lines(region, quadric, center, polar, x, cuts, work, curves, count):
     """Add the silhouette of a region on a cone or cylinder: parts of lines through its vertex.
 
@@ -395,7 +395,7 @@ def ruled_lines(region, quadric, center, polar, x, cuts, work, curves, count):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _add_line(a, b, curves, count):
     if count >= curves.shape[0]:
         return -1

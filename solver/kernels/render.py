@@ -5,6 +5,7 @@ import math
 import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean, parallel
 from .sky_luminance import PARAMETERS, sky_luminance
 
 _GROUP = 256
@@ -20,7 +21,7 @@ DISC_LUMINANCE = DISC_CHORD + 1
 ENVIRONMENT = DISC_LUMINANCE + 3
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _basis(t, b, d):
     s = 1.0 - t
     b[0], b[1], b[2], b[3] = s * s * s, 3 * s * s * t, 3 * s * t * t, t * t * t
@@ -28,7 +29,7 @@ def _basis(t, b, d):
     d[1], d[2] = 3 * s * (s - 2 * t), 3 * t * (2 * s - t)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def unit_normal(net, u, v, out):
     """Unit +normal of a net at (u, v) into ``out (3,)``; taken from nearby on collapsed edges."""
     b, c, db, dc = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
@@ -61,7 +62,7 @@ def unit_normal(net, u, v, out):
     out[0] = out[1] = out[2] = math.nan
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def environment_luminance(environment, x, y, z, out):
     """Luminance (3,) of sky, sun or ground in the unit direction (x, y, z). [cd/m²]"""
     if z <= 0.0:
@@ -81,7 +82,7 @@ def environment_luminance(environment, x, y, z, out):
             out[k] += environment[DISC_LUMINANCE + k]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _find_element(start, order, boxes, row, u, v):
     """Element of patch side ``row`` that holds (u, v), −1 if there is none."""
     for k in range(start[row], start[row + 1]):
@@ -91,7 +92,7 @@ def _find_element(start, order, boxes, row, u, v):
     return -1
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
+@parallel
 def shade(
     nets, start, order, boxes, corners, emitted, environment,
     directions, patch, u, v, facing, rgb, illuminance, normals,

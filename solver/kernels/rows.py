@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import horizon_tolerance, shift_net
 from .nets import ALWAYS_FRONT, CONCAVE, CONVEX, PLANAR
 from .pyramid import FRONT, MIXED, NO_BLOCKER, see_blockers, visible_factor
@@ -96,7 +96,7 @@ class Sources(NamedTuple):
     point_from: np.ndarray
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def view_cone(x, sphere, cone):
     """Direction (3), sine and cosine of the half-angle, nearest and farthest distance of a sphere.
 
@@ -113,7 +113,7 @@ def view_cone(x, sphere, cone):
     cone[4] = math.sqrt(1.0 - cone[3] * cone[3])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def apart(source, blocker):
     """Whether two view cones do not meet, or the blocker lies beyond the source."""
     if blocker[5] >= source[6]:
@@ -125,7 +125,7 @@ def apart(source, blocker):
     return cosine < ca * cb - sa * sb - 1e-12
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def trace_row(
     x, n, own_patch, sources, blockers, eps, scratch, wanted, single, s, weight,
     factors, variances, counters,
@@ -206,7 +206,7 @@ def trace_row(
             counters[CELLS] += int(found[2])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def how_to_see(x, own_patch, sources, j, inside, eps):
     """Flags and relative accuracy with which element ``j`` is looked at from ``x``.
 

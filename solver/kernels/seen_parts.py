@@ -8,9 +8,9 @@ bounds what is seen. The form factor is the contour integral over these parts.
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import inlined, kernel, lean
 from .contour import chord_term, cubic_point, curve_term, load_edge
 from .crossings import MOST, OVERLAP, crossings, foot_on, is_straight, picture_box
 from .nets import heights
@@ -55,7 +55,7 @@ class Curves(NamedTuple):
     ray: np.ndarray
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_curves():
     """Scratch arrays."""
     return Curves(
@@ -82,7 +82,7 @@ def make_curves():
     )
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def meets_quadric(quadric, polar, d):
     """Whether a ray from the receiver along ``d`` meets the whole quadric; −1 in doubt.
 
@@ -105,7 +105,7 @@ def meets_quadric(quadric, polar, d):
     return 1 if product < 0.0 or a * b < 0.0 else 0
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _meets(nets, kinds, quadrics, of, polar, rays, whole, count, x, d, work):
     """Whether a surface of ``rays`` lies in the direction ``d``; −1 where that is not sure."""
     for m in range(count):
@@ -125,7 +125,7 @@ def _meets(nets, kinds, quadrics, of, polar, rays, whole, count, x, d, work):
     return 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _contour_of(net, x, quadric, polar, mixed, frame, pieces, breaks, ends, work, f, curves):
     """Curves of the lit contour of a patch; −1 where it is not known."""
     count = 0
@@ -144,7 +144,7 @@ def _contour_of(net, x, quadric, polar, mixed, frame, pieces, breaks, ends, work
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sort(values, count):
     for k in range(1, count):
         v = values[k]
@@ -155,7 +155,7 @@ def _sort(values, count):
         values[m] = v
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _gather_curves(
     x, n, net, quadric, mixed, hiders, seen, sheets, frame, turned, box, rounding, curves
 ):  # fmt: skip
@@ -207,7 +207,7 @@ def _gather_curves(
     return own, made
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _cut_curves(own, made, convex, curves):
     """Find where the curves cross, and which run along each other.
 
@@ -258,7 +258,7 @@ def _cut_curves(own, made, convex, curves):
     return pairs
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _is_double(m, t, pairs, along, curve, h, work):
     """Whether the part about ``t`` of curve ``m`` runs along an earlier curve."""
     for k in range(pairs):
@@ -275,7 +275,7 @@ def _is_double(m, t, pairs, along, curve, h, work):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def visible_part(
     row, net, mixed, quadric, plain, x, n, rounding, eps, hiders, seen, surfaces, regions, curves,
 ):  # fmt: skip

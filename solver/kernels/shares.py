@@ -9,9 +9,9 @@ told by one point and the two meridians next to it, unless both see all, or noth
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .cuts import ZENITH, azimuth_turn, place_points, tangent_frame
 from .grids import find_partly, share_grids
 from .meridian import cut_panels, list_crossing, list_facing, make_lines
@@ -61,7 +61,7 @@ class Shares(NamedTuple):
     sight_seen: np.ndarray  # (k,)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_shares(sources):
     """Arrays for the elements and panels of ``sources``."""
     n, p, k = sources.nets.shape[0], sources.panel_corners.shape[0], 0
@@ -109,7 +109,7 @@ def make_shares(sources):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
     """Cut and sweep all panels about ``x``.
 
@@ -159,7 +159,7 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
     return chords, count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def share_met(own, factors, found):
     """Share and deviation of the elements that meridians meet; lists and counts the others.
 
@@ -187,7 +187,7 @@ def share_met(own, factors, found):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def share_between(x, n, count, sources, lines, found):
     """Shares of elements between two meridians that see all, or nothing, of their whole unit.
 
@@ -220,7 +220,7 @@ def share_between(x, n, count, sources, lines, found):
     return kept
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def find_pieces(count, lines, found):
     """Find what the meridians next to the elements asked for meet at the height of their middles.
 
@@ -239,7 +239,7 @@ def find_pieces(count, lines, found):
             k += 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def share_asked(count, sources, blockers, lines, found):
     """Share and deviation of elements that no meridian is known to meet.
 
@@ -280,7 +280,7 @@ def share_asked(count, sources, blockers, lines, found):
         deviation[j] = 0.0 if part == sure else POINT_DEVIATION
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def find_shares(
     x, n, own, flat, turn, dark, factors, sources, blockers, rounding, tone, lines, found
 ):  # fmt: skip

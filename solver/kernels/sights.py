@@ -8,14 +8,14 @@ meet the view cone of the lamp are asked, and a lamp none of them meets is wholl
 
 import math
 
-import numba as nb
+from .compiled import lean
 
 #: Standard deviation of the share of an element by m points, 0 < share < 1: the first times m to
 #: the second. Measured in furnished rooms.
 SIGHT_DEVIATION, SIGHT_ORDER = 0.35, -0.6
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _view(x, y, z, radius, views, row):
     """View cone of a sphere in the receiver's frame, into a column of ``views``."""
     distance = math.sqrt(x * x + y * y + z * z)
@@ -26,7 +26,7 @@ def _view(x, y, z, radius, views, row):
     views[5, row] = distance - radius
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def view_blockers(
     x, n, frame, spheres, dark, ranges, listed, count, local, corners, views, panels
 ):  # fmt: skip
@@ -83,7 +83,7 @@ def view_blockers(
     return kept
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def list_meeting(sphere, x, frame, n, views, count, meets, near):
     """List the views that meet that of a sphere, and begin before its end; returns how many.
 
@@ -124,7 +124,7 @@ def list_meeting(sphere, x, frame, n, views, count, meets, near):
     return found
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def may_hide(local, corners, f, x, y, z, radius, e):
     """Whether a sphere at (x, y, z) of the receiver's frame reaches into panel ``f``'s outline.
 
@@ -145,7 +145,7 @@ def may_hide(local, corners, f, x, y, z, radius, e):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def hide_points(e, nx, ny, nz, limit, points, first, end, seen):
     """Set ``seen`` to 0 for the points that a panel hides from the origin.
 
@@ -177,7 +177,7 @@ def hide_points(e, nx, ny, nz, limit, points, first, end, seen):
         out[m] = 0.0 if hidden else out[m]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def place_sights(x, n, frame, points, areas, first, end, at, place, weight, seen):
     """Points ``first`` … ``end`` in the receiver's frame, what each weighs, and all in sight.
 
@@ -203,7 +203,7 @@ def place_sights(x, n, frame, points, areas, first, end, at, place, weight, seen
         sights[k] = 1.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _place_cluster(c, x, n, dark, sources, found):
     """Place the points of all units of cluster ``c`` that are not dark; returns how many."""
     units, clusters = sources.sight_units, sources.sight_clusters
@@ -220,7 +220,7 @@ def _place_cluster(c, x, n, dark, sources, found):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _hide_others(c, f, e, nx, ny, nz, limit, total, dark, sources, found):
     """`hide_points` for all of cluster ``c`` but the unit that panel ``f`` is of."""
     clusters, ranges, start = sources.sight_clusters, sources.unit_ranges, sources.sight_start
@@ -238,7 +238,7 @@ def _hide_others(c, f, e, nx, ny, nz, limit, total, dark, sources, found):
     hide_points(e, nx, ny, nz, limit, place, high, total, seen)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _hide_cluster(c, x, n, own, near, meeting, dark, sources, blockers, rounding, found):
     """Find which points of cluster ``c`` are in sight.
 
@@ -286,7 +286,7 @@ def _hide_cluster(c, x, n, own, near, meeting, dark, sources, blockers, rounding
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sum_unit(g, at, placed, factors, sources, found):
     """Shares and deviations of the elements of unit ``g``, whose points begin at ``at``."""
     group, start, weight, seen = (
@@ -316,7 +316,7 @@ def _sum_unit(g, at, placed, factors, sources, found):
             share[j], deviation[j] = 1.0, 0.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def share_bright(x, n, own, dark, factors, sources, blockers, rounding, count, found):
     """Visible shares and deviations of the elements that have points.
 

@@ -9,9 +9,9 @@ cell is to be quartered.
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import GAUSS_NODES, GAUSS_START, GAUSS_WEIGHTS, edge_term, load_edge, turning
 from .nets import facing_at, surface
 
@@ -24,7 +24,7 @@ _LOW_ORDER, _HIGH_ORDER = 5, 8
 ALL_FRONT, ALL_BACK = -2.0, -1.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def edge_facing(s, k, t, inwards, h, hu, hv):
     """`facing_at` boundary edge ``k`` of `contour.load_edge`, at parameter distance ``inwards``.
 
@@ -43,7 +43,7 @@ def edge_facing(s, k, t, inwards, h, hu, hv):
     return facing_at(s, u, v, h, hu, hv)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def front_count(s, at, g, h, hu, hv):
     """How many of four edge points, at ``at`` of each edge, show the + side; facings into ``g``."""
     count = 0
@@ -54,7 +54,7 @@ def front_count(s, at, g, h, hu, hv):
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def chord_leaf(s, n, eps, g, c, h, hu, hv):
     """Contour factor of the front part of a small net; ``g`` (5,) are the facings of its corners.
 
@@ -108,7 +108,7 @@ def chord_leaf(s, n, eps, g, c, h, hu, hv):
     return -total / _TWO_PI
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _chord_on_surface(s, u0, v0, u1, v1, n, h, hu, hv):
     """Contour term along the image of the (u, v) segment from (u0, v0) to (u1, v1)."""
     du, dv = u1 - u0, v1 - v0
@@ -121,7 +121,7 @@ def _chord_on_surface(s, u0, v0, u1, v1, n, h, hu, hv):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _second(s, u, v, huu, huv, hvv):
     """Second derivatives (3,) of the shifted net at (u, v)."""
     ru, rv = 1.0 - u, 1.0 - v
@@ -145,7 +145,7 @@ def _second(s, u, v, huu, huv, hvv):
         huu[k], huv[k], hvv[k] = a, b, c
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _det(a, b, c):
     return (
         a[0] * (b[1] * c[2] - b[2] * c[1])
@@ -154,7 +154,7 @@ def _det(a, b, c):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _arc(s, u0, v0, u1, v1, n, order, work):
     """Contour term along the silhouette from (u0, v0) to (u1, v1); NaN where it is no such arc.
 
@@ -200,7 +200,7 @@ def _arc(s, u0, v0, u1, v1, n, order, work):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _crossing(s, k, c, h, hu, hv):
     """Parameter of the change of side on boundary edge ``k``, by bisection with secants."""
     load_edge(s, k, c)
@@ -237,7 +237,7 @@ def _crossing(s, k, c, h, hu, hv):
     return 0.5 * (lo + hi)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def arc_leaf(s, n, eps, small, g, c, h, hu, hv, work):
     """Form factor of the front part of a net wholly above the horizon; NaN where it must be split.
 

@@ -2,7 +2,7 @@
 
 import math
 
-import numba as nb
+from .compiled import lean
 
 #: Length of the parameter array: form, a, b, c, d, e, factor [cd/m²].
 PARAMETERS = 7
@@ -10,7 +10,7 @@ PARAMETERS = 7
 GENERAL, TRADITIONAL_OVERCAST = 0.0, 1.0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def sky_luminance(parameters, sx, sy, sz, dx, dy, dz):
     """Luminance of the sky in the unit direction d, the sun being in the unit direction s. [cd/m²]
 
@@ -33,7 +33,7 @@ def sky_luminance(parameters, sx, sy, sz, dx, dy, dz):
     return parameters[6] * gradation * indicatrix
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def sky_luminances(parameters, sx, sy, sz, directions, out):
     """`sky_luminance` of unit directions (n, 3) into ``out (n,)``. [cd/m²]"""
     for i in range(directions.shape[0]):

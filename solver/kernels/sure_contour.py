@@ -12,9 +12,9 @@ the integrand on the ellipse [1, theorem 19.3]. Bounds hold up to the rounding o
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .contour import (
     GAUSS_NODES,
     GAUSS_START,
@@ -38,7 +38,7 @@ _GAUSS = 64.0 / 15.0 * 4.0**-22 / (1.0 - 1.0 / 16.0)
 _ROUNDING = 4e-15
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _sure_curve(c, ta, tb, n, out):
     """Add the contour term of a curved edge over [ta, tb] and its error bound to ``out`` (2,)."""
     stack = np.empty((64, 2))
@@ -100,12 +100,12 @@ def _sure_curve(c, ta, tb, n, out):
         out[0] += 2.0 * half * part
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _length(p):
     return math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sure_closing(e, f, m, n, rounding, out):
     """Add the contour term from ``e`` to ``f`` in the cutting plane ``m`` to ``out`` (2,).
 
@@ -121,7 +121,7 @@ def _sure_closing(e, f, m, n, rounding, out):
     out[0] += angle * (m[0] * n[0] + m[1] * n[1] + m[2] * n[2])
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def sure_factor(s, m, n, rounding, noise, out):
     """Signed form factor of the part of shifted net ``s`` with m · H > 0, and its error bound.
 
@@ -211,7 +211,7 @@ def sure_factor(s, m, n, rounding, noise, out):
     out[1] = out[1] / TWO_PI + _ROUNDING
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def pyramid_factor(planes, n, poly, other):
     """Form factor of the whole cone of directions inside a pyramid and above the horizon.
 

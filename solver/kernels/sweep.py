@@ -3,9 +3,9 @@
 Depth is compared where chords begin; a chord that is passed over waits for the nearer one to end.
 """
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .cuts import ZENITH
 from .gaps import add_gap
 from .meridian import BINS, carried
@@ -16,7 +16,7 @@ SHOWN, HIDDEN = 1, 2
 _TIE = 1e-9
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _nearest(span, active, waiting, low, high):
     """Place in ``active`` of the chord that is nearest over [low, …], −1 where there is none."""
     found = 0 if waiting else -1
@@ -30,7 +30,7 @@ def _nearest(span, active, waiting, low, high):
     return found
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sweep_line(
     first, span, chain, piece, piece_panel, pieces, order, active, axis, n, tone, line_out
 ):  # fmt: skip
@@ -106,7 +106,7 @@ def _sweep_line(
     return pieces
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def sweep(lines, element, frame, n, tone, state, visible, outside):
     """Find what is nearest along every meridian, and what is seen of sky and ground.
 
@@ -168,13 +168,13 @@ def sweep(lines, element, frame, n, tone, state, visible, outside):
     outside[4] = (outside[4] + (first[2] - before[2]) ** 2) / (12.0 * number * number)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def height_bin(tangent):
     """Number of the interval of elevations, 0 … `BINS` − 1, that a tangent lies in."""
     return min(int(BINS * (tangent / (1.0 + tangent))), BINS - 1) if tangent > 0.0 else 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def index_pieces(lines):
     """Index the pieces of all meridians by elevation: to look there costs less than to search."""
     start, piece, above = lines.start, lines.piece, lines.above

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from .compiled import inlined, kernel, lean, parallel
 from .contour import horizon_tolerance, shift_net
 from .nets import CONVEX, PLANAR
 from .outlines import (
@@ -55,7 +56,7 @@ class Hiders(NamedTuple):
     odd: np.ndarray  # (r,) bool: regions of which a patch is not, though it may be in the way
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def _make_hiders(patches, regions):
     return Hiders(
         np.empty(patches, dtype=np.int64),
@@ -67,7 +68,7 @@ def _make_hiders(patches, regions):
     )
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _beyond_pyramid(planes, sphere, x):
     """Whether a sphere lies wholly outside one side plane of `make_pyramid` from receiver ``x``."""
     dx, dy, dz = sphere[0] - x[0], sphere[1] - x[1], sphere[2] - x[2]
@@ -77,7 +78,7 @@ def _beyond_pyramid(planes, sphere, x):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _in_way(
     row, net, own_patch, flags, cone, normal, ordered, sheets, nets, spheres, regions, x, n,
     rounding, seen, views, sheet_views, planes, reach, near,
@@ -142,7 +143,7 @@ def _in_way(
     return count
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _is_inside(sheet, regions, state):
     """Whether a convex cavity is seen from within: from the front of all of its patches."""
     first, end = regions.first[regions.start[sheet]], regions.first[regions.start[sheet + 1]]
@@ -153,7 +154,7 @@ def _is_inside(sheet, regions, state):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _find_hiders(
     row, net, cone, views, normal, reach, ordered, near, in_way, blockers, surfaces, regions, x, n,
     rounding, seen, hiders,
@@ -222,7 +223,7 @@ def _find_hiders(
     return count
 
 
-@nb.njit(cache=True, error_model="numpy", parallel=True)
+@parallel
 def contour_rows(
     nodes, normals, on, askew, place, nets, flags, spheres, plain, eps, blockers, surfaces, regions,
     source_quadrics, values, status,

@@ -7,9 +7,9 @@ tells.
 
 import math
 
-import numba as nb
 import numpy as np
 
+from .compiled import kernel, lean
 from .nets import surface, weight_at
 from .ray_patch import HIT, MISS, ray_patch_any
 from .sure_contour import sure_factor
@@ -20,7 +20,7 @@ POINTS, SPANS = 1024, 64
 LOW, HIGH, SPLIT = range(3)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def ray(surfaces, pieces, mine, count, sheet, x, h, work):
     """Whether a listed surface (of one sheet, or −1 for all) lies between ``x`` and x + h."""
     last = -1
@@ -41,7 +41,7 @@ def ray(surfaces, pieces, mine, count, sheet, x, h, work):
     return -1 if unsure else 0
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def point_of(s, u, v, h, hu, hv):
     """Euclidean point of the cell at (u, v) into ``h``."""
     surface(s, u, v, h, hu, hv)
@@ -50,7 +50,7 @@ def point_of(s, u, v, h, hu, hv):
         h[k] /= w
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def farthest(s, m, h, hu, hv):
     """Point of 5 x 5 inside the cell with the largest sine over plane ``m``; returns that sine."""
     best, bu, bv = -2.0, 0.5, 0.5
@@ -66,7 +66,7 @@ def farthest(s, m, h, hu, hv):
     return best
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def clip(planes, p, q):
     """Cut the segment from ``p`` to ``q`` to what lies in the pyramid; False where nothing does."""
     t0, t1 = 0.0, 1.0
@@ -88,7 +88,7 @@ def clip(planes, p, q):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def add_point(v, frame, points, count, first):
     """Project one vector; −1 where that cannot be done."""
     if count < 0 or count >= POINTS:
@@ -104,7 +104,7 @@ def add_point(v, frame, points, count, first):
     return count + 1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _directions(points, count, angles):
     """Two directions in which shadow edges may run: of the edges each, and of all points.
 
@@ -139,7 +139,7 @@ def _directions(points, count, angles):
     angles[2] = math.hypot(sum_a, sum_b) / items
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def make_frame(planes, frame):
     """Rows: the axis of the pyramid and two vectors square to it."""
     a = planes[4]
@@ -162,7 +162,7 @@ def make_frame(planes, frame):
     frame[2, 2] = a[0] * f[1] - a[1] * f[0]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _spans(points, count, ax, ay, slack, spans):
     """Ranges (k, 2) across the direction in which the shadow edges lie, apart and in order.
 
@@ -198,7 +198,7 @@ def _spans(points, count, ax, ay, slack, spans):
     return number
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _across(s, frame, ax, ay, u, v, tri):
     """Coordinate across the direction of the cell's point at (u, v), which is left in tri[0]."""
     h = tri[0]
@@ -210,7 +210,7 @@ def _across(s, frame, ax, ay, u, v, tri):
     return c / depth
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _sample(s, frame, ax, ay, a, b, ends, tri):
     """Point of the cell well between two planes into tri[0]; whether there is one.
 
@@ -235,7 +235,7 @@ def _sample(s, frame, ax, ay, a, b, ends, tri):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy")
+@lean
 def _share_beyond(s, n, noise, frame, ax, ay, c, m, value):
     """Factor of the part of the cell beyond coordinate ``c``, and its error, into ``value``."""
     size = 0.0
@@ -248,7 +248,7 @@ def _share_beyond(s, n, noise, frame, ax, ay, c, m, value):
     sure_factor(s, m, n, 0.0, noise, value)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def cut_cell(
     s, n, noise, x, frame, points, count, surfaces, pieces, mine, listed, total, error, found, m,
     tri, work, value,

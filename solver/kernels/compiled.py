@@ -1,0 +1,13 @@
+"""How kernels are compiled: kept on disk, and with division as IEEE 754 has it."""
+
+import numba as nb
+
+#: A function that takes memory, or returns arrays.
+kernel = nb.njit(cache=True, error_model="numpy", _nrt=True)
+#: One that does neither. References to the arrays it is given are then not counted, which takes
+#: half of the time of small functions given tuples of many arrays.
+lean = nb.njit(cache=True, error_model="numpy", _nrt=False)
+#: The same, made part of its callers.
+inlined = nb.njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+#: One whose loops over `numba.prange` run on several threads.
+parallel = nb.njit(cache=True, error_model="numpy", _nrt=True, parallel=True)
