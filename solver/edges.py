@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from .kernels.edges import Edges
-from .model.arrays import FloatArray, IntArray
+from .model.arrays import FloatArray, IntArray, unique_rows
 from .model.bezier import gauss_rule, surface_points
 from .topology import writable
 
@@ -75,7 +75,7 @@ def make_edges(
         ],
         axis=1,
     ).reshape(-1, 5)
-    unique, inverse = np.unique(keys, axis=0, return_inverse=True)
+    unique, inverse = unique_rows(keys)
     origin = (nets[..., :3] / nets[..., 3:]).reshape(-1, 3).mean(axis=0)
     rule, weight = gauss_rule(EDGE_NODES)
     point, tangent = _on_edges(unique, patch_nets, rule, weight)
@@ -85,10 +85,7 @@ def make_edges(
     if shared:
         fine, along = _on_edges(unique, patch_nets, *gauss_rule(_FINE_NODES))
         missed = np.cross(fine - origin, along).sum(axis=1) - moment.sum(axis=1)
-    u, v = (
-        np.broadcast_to(g.ravel(), (n, EDGE_NODES**2))
-        for g in np.meshgrid(rule, rule, indexing="ij")
-    )
+    u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
     inside, su, sv = surface_points(nets, u, v)
     area = np.cross(su, sv) * np.outer(weight, weight).ravel()[:, None]
     return Edges(

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from .edges import make_edges, near_ratio, point_distance
 from .errors import NumericsError
 from .kernels.bulk import form_factor_rows
-from .kernels.closure import sum_rows
+from .kernels.closure import multiply, sum_rows
 from .kernels.edges import Edges
 from .kernels.facets import Facets
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
 from .kernels.threads import count_threads
-from .memory import check_matrix
-from .model.arrays import FloatArray, IntArray
+from .memory import DOUBLE_BYTES, ROW_BYTES, check_matrix
+from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.elements import Elements
 from .model.sky import CIESky
 from .quadrics import fit_quadrics, turned
@@ -28,8 +28,6 @@ from .topology import bounding_spheres, normal_cones, shape_flags, writable
 
 #: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.
 ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 512, 16384
-#: Rows of variances converted at a time, which then stay in the processor's cache.
-CONVERTED_ROWS = 16
 #: How often a partly hidden element is quartered at most.
 LEVELS = 8
 
@@ -49,7 +47,8 @@ class Rows:
     Attributes
     ----------
     factors : (m, n) array
-        Fraction of the light leaving receiver i that reaches element j.
+        Fraction of the light leaving receiver i that reaches element j, of double precision or,
+        those of whole scenes, of single.
     variances : (m, n) float32 array
         Variance of the sampled part of each factor.
     counters : dict
@@ -62,7 +61,7 @@ class Rows:
         the rows keeps them true.
     """
 
-    factors: FloatArray
+    factors: MatrixArray
     variances: NDArray[np.float32]
     counters: dict[str, int]
     outside: FloatArray
@@ -71,7 +70,7 @@ class Rows:
     def __post_init__(self) -> None:
         if len(self.sums) != len(self.factors):
             sums = np.empty((len(self.factors), 2))
-            sum_rows(writable(self.factors), writable(self.variances, np.float32), sums)
+            sum_rows(self.factors, self.variances, sums)
             object.__setattr__(self, "sums", sums)
 
     def take(self, rows: IntArray) -> Rows:
@@ -84,14 +83,24 @@ class Rows:
         self.factors[rows], self.variances[rows] = other.factors, other.variances
         self.outside[rows], self.sums[rows] = other.outside, other.sums
 
+    def gather(self, light: FloatArray) -> FloatArray:
+        """Light (m, ...) that the receivers get when the elements send ``light`` (n, ...)."""
+        return products(self.factors, light)
+
     def variance_of(self, light: FloatArray) -> FloatArray:
         """Variance (m,) of what the receivers gather when the elements send ``light`` (n,)."""
-        out, squares = np.empty(len(self.variances)), light**2
-        # At double precision all variances would take as much memory as the factors.
-        for start in range(0, len(out), CONVERTED_ROWS):
-            rows = slice(start, start + CONVERTED_ROWS)
-            out[rows] = self.variances[rows].astype(np.float64) @ squares
-        return out
+        return products(self.variances, light**2)
+
+
+def products(matrix: MatrixArray, light: FloatArray) -> FloatArray:
+    """Product (m, ...) of a matrix (m, n) and ``light`` (n, ...), summed in double precision.
+
+    The same bits for any number of threads.
+    """
+    columns = writable(light.reshape(len(light), -1).T)
+    out = np.empty((len(matrix), len(columns)))
+    multiply(matrix, columns, out)
+    return out.reshape(len(matrix), *light.shape[1:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,6 +205,7 @@ def form_factor_matrix(
     own: IntArray | None = None,
     lifts: FloatArray | None = None,
     sky: CIESky | None = None,
+    single: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rows:
     """Mean form factors from receivers (m, q, 3) to every source element.
@@ -222,6 +232,9 @@ def form_factor_matrix(
         How far the facets may lie before the surface a receiver is on. [m]
     sky : CIESky, optional
         What is seen where the meridians meet nothing.
+    single : bool
+        Whether the factors are kept in single precision, 6e-8 of each, which takes half as much
+        memory and its time.
     progress : callable, optional
         Called as ``progress(rows_done, rows_total)``.
 
@@ -233,8 +246,9 @@ def form_factor_matrix(
         If the factors do not fit into the memory that is free.
     """
     m, n = len(nodes), len(sources.nets)
-    check_matrix(m, n)
-    factors, variances = np.zeros((m, n)), np.zeros((m, n), dtype=np.float32)
+    check_matrix(m, n, pair_bytes=ROW_BYTES if single else DOUBLE_BYTES)
+    factors = np.empty((m, n), dtype=np.float32 if single else np.float64)
+    variances, none = np.empty((m, n), dtype=np.float32), np.empty((0, n), dtype=np.float32)
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
     outside, sums = np.zeros((m, 5)), np.zeros((m, 2))
     # Without a sky its form factor is still asked for: one of 1 cd/m² all over tells its variance.
@@ -260,7 +274,8 @@ def form_factor_matrix(
             levels,
             tone,
             count_threads(),
-            factors[rows],
+            np.empty((0, n)) if single else factors[rows],
+            factors[rows] if single else none,
             variances[rows],
             outside[rows],
             sums[rows],

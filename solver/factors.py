@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
-from .memory import check_matrix
+from .memory import DOUBLE_BYTES, check_matrix
 from .model.arrays import FloatArray, check_finite, check_shape
 from .model.elements import Elements
 from .model.form_factors import FormFactors
@@ -43,8 +43,8 @@ ABSOLUTE = 1e-12
 _LEVELS = 14
 #: Cells that may bracket the silhouettes of a source whose hiding is ignored.
 _PLAIN_CELLS = 20_000
-#: What stands in memory at the same time, in matrices of factors and variances.
-_COPIES = 6
+#: What a pair takes in memory at the same time: six matrices of factors and variances.
+_PAIR_BYTES = 6 * DOUBLE_BYTES
 #: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-5.
 _FEW_CELLS = 2000
 #: Stands for what a receiver lies on until that is found.
@@ -115,7 +115,7 @@ def point_form_factors(
         raise InputError(f"method = {method!r}: must be 'default' or 'nn93'")
     if len(x) == 0 or len(sources) == 0:
         return _nothing(len(x), len(sources), visibility)
-    check_matrix(len(x), len(sources), copies=_COPIES)
+    check_matrix(len(x), len(sources), pair_bytes=_PAIR_BYTES)
     receivers = Receivers.of_points(x, n, np.ones(len(x)), np.full(len(x), UNKNOWN))
     prepared = prepare(sources.control_points, blockers)
     return _factors(receivers, prepared, accuracy=accuracy, visibility=visibility)
@@ -156,7 +156,7 @@ def form_factors(
     nodes, count = elements.weights.size, len(elements)
     if nodes == 0:
         return _nothing(nodes, count, visibility)
-    check_matrix(nodes, count, copies=_COPIES)
+    check_matrix(nodes, count, pair_bytes=_PAIR_BYTES)
     prepared = prepare(elements.nets, blockers)
     receivers = Receivers.of_points(
         elements.nodes.reshape(-1, 3),

@@ -13,7 +13,7 @@ from .exchange import Rows, Scan, make_sources
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .mesh import make_elements
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, MatrixArray
 from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
@@ -86,7 +86,7 @@ class Field:
         The elements and their optical state.
     sources : Sources
         The elements as the kernels see them.
-    factors : (n, n) array
+    factors : (n, n) float32 array
         Form factors.
     row_sums : (n,) array
         Their raw sums, before any correction.
@@ -100,7 +100,7 @@ class Field:
 
     surfaces: Surfaces
     sources: Sources
-    factors: FloatArray
+    factors: MatrixArray
     row_sums: FloatArray
     sees_out: bool
     light: Gathered
@@ -193,7 +193,7 @@ class FieldSolver:
         """Indirect illuminance (m,) alone, for comparing meshes. [lx]"""
         with self.stages.run("mesh check") as tell:
             rows = self._factors.rows(Ask(budget, Receivers.of_sensors(grid), field.sources), tell)
-        return luminous(rows.factors @ field.all_reflected)
+        return luminous(rows.gather(field.all_reflected))
 
     def _gathered(
         self, light: Light, rows: Rows, surfaces: Surfaces, reflected: dict[str, FloatArray]
@@ -202,7 +202,7 @@ class FieldSolver:
         exitance = surfaces.emitted.copy()
         for group, direct in light.direct.items():
             components[f"{group}.direct"] = direct
-            components[f"{group}.indirect"] = rows.factors @ reflected[group]
+            components[f"{group}.indirect"] = rows.gather(reflected[group])
             exitance += reflected[group]
         sampled = rows.variance_of(luminous(exitance)) + light.variance
         return Gathered(components, np.sqrt(sampled))
@@ -265,8 +265,7 @@ class FieldSolver:
     def _add_lamps(self, light: Light, rows: Rows, surfaces: Surfaces) -> None:
         """Put the direct light of the luminaires before that of sky, sun and ground."""
         lamps = {
-            group: rows.factors @ surfaces.emitted_by(self.scene, group)
-            for group in self.lamp_groups
+            group: rows.gather(surfaces.emitted_by(self.scene, group)) for group in self.lamp_groups
         }
         light.direct = {**lamps, **light.direct}
 

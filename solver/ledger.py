@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .model.arrays import FloatArray, IntArray
+from .exchange import products
+from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.result import Balance, luminous
 from .model.scene import SceneData
 
@@ -26,7 +27,7 @@ def ledger_warning(balance: Balance) -> tuple[str, ...]:
 def make_balance(
     scene: SceneData,
     areas: FloatArray,
-    factors: FloatArray,
+    factors: MatrixArray,
     reflectance: FloatArray,
     emitted: FloatArray,
     reflected: FloatArray,
@@ -68,7 +69,7 @@ def make_balance(
         emitted_lm=float(source.sum()),
         entered_lm=float((luminous(entered) * areas).sum()),
         absorbed_lm=float(absorbed.sum()),
-        escaped_lm=float(leaving @ (1.0 - factors.sum(axis=1))),
+        escaped_lm=float(leaving @ (1.0 - products(factors, np.ones(len(areas))))),
         absorbed_by_material=by_material,
         emitted_by_group=by_group,
     )

@@ -9,13 +9,15 @@ from pathlib import Path
 from .errors import OutOfMemoryError
 
 #: Bytes that a pair of receiver and element takes at the worst moment, while rows are corrected:
-#: factors (8) and variances (4), a quarter of both once more for rows that are found anew (3), and
+#: factors (4) and variances (4), a quarter of both once more for rows that are found anew (2), and
 #: what is in between for some rows at a time (less than 1 with 2500 elements, measured).
-PAIR_BYTES = 16
+PAIR_BYTES = 11
 #: Bytes of a pair once it is known: factors, and the variances of sampled ones.
-ROW_BYTES = 12
+ROW_BYTES = 8
+#: The same where factors are of double precision.
+DOUBLE_BYTES = 12
 #: Bytes of a pair of the matrix that stays while the sensors are done.
-KEPT_BYTES = 8
+KEPT_BYTES = 4
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
 SMALL_MATRIX = 1_000_000
 GB = 1e9
@@ -67,11 +69,11 @@ def check_memory(
     )
 
 
-def check_matrix(rows: int, columns: int, *, copies: int = 1) -> None:
+def check_matrix(rows: int, columns: int, *, pair_bytes: int = DOUBLE_BYTES) -> None:
     """Raise `OutOfMemoryError` where form factors of ``rows`` by ``columns`` cannot fit."""
     if rows * columns < SMALL_MATRIX:
         return
-    free, need = available_bytes(), copies * ROW_BYTES * rows * columns
+    free, need = available_bytes(), pair_bytes * rows * columns
     if free is not None and need > free:
         raise OutOfMemoryError(
             f"{rows} x {columns} form factors need {need / GB:.1f} GB of memory, but only "

@@ -21,7 +21,7 @@ def patch_extent(patches: PatchSet) -> tuple[FloatArray, FloatArray]:
     """Mean lengths (p, 2) [m] along u and v, and turns of the normal (p, 2) [rad]."""
     n = len(patches)
     t = np.linspace(0.0, 1.0, 7)
-    u, v = (np.broadcast_to(g.ravel(), (n, 49)) for g in np.meshgrid(t, t, indexing="ij"))
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     points, su, sv = (a.reshape(n, 7, 7, 3) for a in surface_points(patches.control_points, u, v))
     inner = slice(1, 6)  # collapsed edges have no normal
     normals = np.cross(su, sv)[:, inner, inner]
@@ -91,8 +91,7 @@ def make_elements(
     all_nets[turned] = all_nets[turned][:, ::-1]
     u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
     rule_weight = np.outer(weight, weight).ravel()
-    own_u, own_v = (np.broadcast_to(t, (len(all_nets), len(u))) for t in (u, v))
-    points, su, sv = surface_points(all_nets, own_u, own_v)
+    points, su, sv = surface_points(all_nets, u, v)
     normals = np.cross(su, sv)
     length = np.linalg.norm(normals, axis=2)
     bad = np.flatnonzero(~(length > 0.0).all(axis=1))

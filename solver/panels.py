@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .model.arrays import FloatArray, IntArray
+from .model.arrays import FloatArray, IntArray, unique_rows
 
 BoolArray = NDArray[np.bool_]
 
@@ -71,7 +71,7 @@ def make_panels(
         rows = np.flatnonzero(free)
         if not len(rows):
             break
-        group = np.unique(keys[rows], axis=0, return_inverse=True)[1].ravel()
+        group = unique_rows(keys[rows])[1]
         outline, fits = _outlines(vertices, corners[rows], boxes[rows], group)
         for some, across, along, cells in _grids(vertices, corners[rows], boxes[rows], group, fits):
             own = rows[cells]

@@ -107,6 +107,11 @@ def _prepared(source_bytes: bytes, blocker_bytes: bytes) -> Prepared:
     return Prepared(_sources(own, place, surfaces, quadrics), surfaces, quadrics)
 
 
+def forget() -> None:
+    """Free what is kept."""
+    _prepared.cache_clear()
+
+
 def _net_key(net: FloatArray) -> bytes:
     """The same bytes for one surface whatever the direction of its parameters."""
     scaled = net / net[..., 3].max() + 0.0  # no −0: its bytes differ

@@ -37,7 +37,7 @@ def fit_quadrics(nets: FloatArray) -> FloatArray:
         return out
     # Chebyshev–Lobatto points, the ends included: all of a patch is to lie on it.
     t = 0.5 - 0.5 * np.cos(np.pi * np.arange(_POINTS) / (_POINTS - 1))
-    u, v = (np.broadcast_to(g.ravel(), (n, g.size)) for g in np.meshgrid(t, t, indexing="ij"))
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     points, su, sv = surface_points(nets, u, v)
     normals = np.cross(su, sv)
     low, high = points.min(axis=1), points.max(axis=1)

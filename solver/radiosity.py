@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from .errors import ConvergenceError, NumericsError
-from .model.arrays import FloatArray
+from .exchange import products
+from .model.arrays import FloatArray, MatrixArray
 
 #: Relative residual asked of GMRES at least, and for each unit of accuracy asked for: what is left
 #: is far less than what meshes and form factors leave.
@@ -21,8 +22,7 @@ def check_absorbs(factors: FloatArray, reflectance: FloatArray) -> float:
     Below 1 the inverse of I − ρ F is bounded by 1 / (1 − that share) in the maximum norm; in a
     closed scene that absorbs nothing the light grows without end and no balance exists.
     """
-    # A product with ones uses all threads, a sum over rows does not.
-    sums = factors @ np.ones(factors.shape[1])
+    sums = products(factors, np.ones(factors.shape[1]))
     share = float((reflectance.max(axis=1) * sums).max(initial=0.0))
     if share >= 1.0 - 1e-9 and float((reflectance.min(axis=1)).min()) >= 1.0 - 1e-9:
         raise NumericsError(
@@ -33,7 +33,7 @@ def check_absorbs(factors: FloatArray, reflectance: FloatArray) -> float:
 
 
 def solve_radiosity(
-    factors: FloatArray,
+    factors: MatrixArray,
     reflectance: FloatArray,
     direct: Mapping[str, FloatArray],
     *,
@@ -67,7 +67,7 @@ def solve_radiosity(
     from scipy.sparse.linalg import LinearOperator, gmres
 
     check_absorbs(factors, reflectance)
-    n, products = len(factors), 0
+    n, count = len(factors), 0
     tolerance = max(TOLERANCE, TOLERANCE_SHARE * accuracy)
     out = {}
     for group, incident in direct.items():
@@ -79,9 +79,9 @@ def solve_radiosity(
                 continue
 
             def operate(b: FloatArray, rho: FloatArray = rho) -> FloatArray:
-                nonlocal products
-                products += 1
-                return np.asarray(b - rho * (factors @ b))
+                nonlocal count
+                count += 1
+                return np.asarray(b - rho * products(factors, b))
 
             solution, info = gmres(
                 LinearOperator((n, n), matvec=operate, dtype=np.float64),
@@ -100,4 +100,4 @@ def solve_radiosity(
                 )
             reflected[:, band] = solution
         out[group] = reflected
-    return out, products
+    return out, count

@@ -100,6 +100,7 @@ class RowFinder:
             own=receivers.own,
             lifts=ask.lifts,
             sky=self.scene.sky,
+            single=True,
             progress=tell,
         )
         self.stages.count(rows.counters)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels.facets import Facets
-from .model.arrays import FloatArray, IntArray
+from .model.arrays import FloatArray, IntArray, unique_rows
 from .model.bezier import surface_points
 from .model.elements import Elements
 from .panels import make_panels, split_concave
@@ -55,7 +55,7 @@ def _flat_and_straight(nets: FloatArray) -> NDArray[np.bool_]:
 
 def _counts_by_turns(nets: FloatArray) -> IntArray:
     t = np.linspace(0.0, 1.0, 5)
-    u, v = (np.broadcast_to(g.ravel(), (len(nets), 25)) for g in np.meshgrid(t, t, indexing="ij"))
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     _, su, sv = (a.reshape(len(nets), 5, 5, 3) for a in surface_points(nets, u, v))
     normal = np.cross(su, sv)[:, 1:4, 1:4]  # collapsed edges have none
     turn_u = np.maximum(_turns(su, 1), 2.0 * _turns(normal, 1))
@@ -76,7 +76,7 @@ def make_facets(
     patch = elements.patch_index[element]
     u, v = boxes[:, [0, 1, 1, 0]], boxes[:, [2, 2, 3, 3]]
     keys = np.stack([np.repeat(patch, 4).astype(np.float64), u.ravel(), v.ravel()], axis=1)
-    unique, inverse = np.unique(keys, axis=0, return_inverse=True)
+    unique, inverse = unique_rows(keys)
     vertices = surface_points(
         patch_nets[unique[:, 0].astype(np.int64)], unique[:, 1:2], unique[:, 2:3]
     )[0][:, 0]

@@ -112,7 +112,7 @@ def _add(weight, single, wanted, share, deviation, factors, variances):
 @parallel
 def form_factor_rows(
     nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
-    trace, levels, tone, chunks, factors, variances, outside, sums, counters,
+    trace, levels, tone, chunks, double, single, variances, outside, sums, counters,
 ):  # fmt: skip
     """Form factors from receivers with q nodes each to all sources.
 
@@ -141,8 +141,11 @@ def form_factor_rows(
         Sky: 7 parameters of `sky_luminance` and the sun's direction.
     chunks : int
         How many threads to spread the receivers over.
-    factors, variances : (m, n) array
-        Receive the mean form factor and the variance of its sampled part.
+    double, single : (m, n) array
+        One of them, of double or single precision, receives the mean form factors; the other has no
+        rows.
+    variances : (m, n) array
+        Receives the variance of the sampled part of each.
     outside : (m, 5) array
         Receives what the meridians see of sky and ground, as `sweep.sweep`.
     sums : (m, 2) array
@@ -156,14 +159,17 @@ def form_factor_rows(
     size = (count + chunks - 1) // chunks
     for chunk in nb.prange(chunks):
         integral = np.empty(sources.edge_point.shape[2])
-        single, near = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
+        plain, near = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
         s, dark = np.empty((4, 4, 4)), np.empty(sources.group.shape[0], dtype=np.bool_)
         x, n, lifted = np.empty(3), np.empty(3), np.empty(3)
         scratch = make_scratch(p if trace else 0, levels)
+        factors, spread = np.empty(count_elements), np.empty(count_elements)
         wanted = np.empty(count_elements, dtype=np.bool_)
         lines = make_lines(sources.azimuths, ROOM * sources.azimuths.shape[0])
         shares = make_shares(sources)
         for i in range(chunk * size, min(count, (chunk + 1) * size)):
+            for j in range(count_elements):
+                factors[j] = spread[j] = 0.0
             for q in range(nodes.shape[1]):
                 weight = weights[i, q]
                 if weight == 0.0:
@@ -174,31 +180,37 @@ def form_factor_rows(
                 rounding = horizon_tolerance(x)
                 _unoccluded(
                     x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding,
-                    integral, s, dark, single, near, counters[i],
+                    integral, s, dark, plain, near, counters[i],
                 )  # fmt: skip
                 if not trace:
-                    counters[i, UNOCCLUDED] += _add_plain(weight, single, factors[i])
+                    counters[i, UNOCCLUDED] += _add_plain(weight, plain, factors)
                     continue
-                any_wanted = _find_wanted(single, sources.exact_above, wanted)
+                any_wanted = _find_wanted(plain, sources.exact_above, wanted)
                 if sources.azimuths.shape[0]:
                     # A curved element may hide itself and what is behind it.
                     flat = own[i] if lifts[i] == 0.0 else -1
                     turn = ((first_row + i) * nodes.shape[1] + q + 0.5) * _GOLDEN
                     turn = 2.0 * math.pi * (turn - math.floor(turn))
                     lines = find_shares(
-                        lifted, n, own[i], flat, turn, dark, single, sources, blockers, rounding,
+                        lifted, n, own[i], flat, turn, dark, plain, sources, blockers, rounding,
                         tone, lines, shares,
                     )  # fmt: skip
                     for k in range(5):
                         outside[i, k] += shares.outside[k] * (weight if k < 3 else weight * weight)
                     counters[i, SCANNED] += _add(
-                        weight, single, wanted, shares.share, shares.deviation, factors[i],
-                        variances[i],
+                        weight, plain, wanted, shares.share, shares.deviation, factors, spread,
                     )  # fmt: skip
                 if any_wanted:
                     trace_row(
-                        x, n, patches[i], sources, blockers, eps, scratch, wanted, single, s,
-                        weight, factors[i], variances[i], counters[i],
+                        x, n, patches[i], sources, blockers, eps, scratch, wanted, plain, s,
+                        weight, factors, spread, counters[i],
                     )  # fmt: skip
-            # While the row is still at hand.
-            sums[i, 0], sums[i, 1] = sum_row(factors[i]), sum_row(variances[i])
+            sums[i, 0], sums[i, 1] = sum_row(factors), sum_row(spread)
+            for j in range(count_elements):
+                variances[i, j] = spread[j]
+            if single.shape[0]:
+                for j in range(count_elements):
+                    single[i, j] = factors[j]
+            else:
+                for j in range(count_elements):
+                    double[i, j] = factors[j]

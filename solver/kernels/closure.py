@@ -6,7 +6,7 @@ A row stays in the processor's cache while it is summed and corrected; one threa
 import numba as nb
 import numpy as np
 
-from .compiled import lean, parallel
+from .compiled import lean, parallel, reordered
 
 #: Defect of a row that is rounding.
 _ROUNDING = 1e-14
@@ -25,6 +25,21 @@ def sum_row(values):
     for j in range(whole, values.shape[0]):
         a += values[j]
     return (a + b) + (c + d)
+
+
+@reordered
+def multiply(matrix, light, out):
+    """Products of a matrix (m, n) of any precision and columns of light (b, n) into ``out`` (m, b).
+
+    Sums are of double precision.
+    """
+    for i in nb.prange(matrix.shape[0]):
+        row = matrix[i]
+        for column in range(light.shape[0]):
+            total = 0.0
+            for j in range(row.shape[0]):
+                total += row[j] * light[column, j]
+            out[i, column] = total
 
 
 @parallel

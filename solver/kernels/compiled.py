@@ -11,3 +11,7 @@ lean = nb.njit(cache=True, error_model="numpy", _nrt=False)
 inlined = nb.njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 #: One whose loops over `numba.prange` run on several threads.
 parallel = nb.njit(cache=True, error_model="numpy", _nrt=True, parallel=True)
+#: The same, free to add in another order, so that several terms are added at a time.
+reordered = nb.njit(
+    cache=True, error_model="numpy", _nrt=True, parallel=True, fastmath={"reassoc", "contract"}
+)

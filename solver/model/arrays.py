@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 
 FloatArray = NDArray[np.float64]
+#: Of single or double precision.
+MatrixArray = NDArray[Any]
 IntArray = NDArray[np.int64]
 
 
@@ -48,3 +50,17 @@ def unit_vector(name: str, vector: ArrayLike) -> FloatArray:
     if length == 0.0:
         raise InputError(f"{name} = (0, 0, 0): a direction must not be zero")
     return np.asarray(array / length)
+
+
+def unique_rows(rows: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Distinct rows of an array (n, k), sorted, and the place (n,) of each among them.
+
+    As `numpy.unique` with ``axis=0``, several times as fast.
+    """
+    place = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        values, rank = np.unique(column, return_inverse=True)
+        place = np.unique(place * len(values) + rank, return_inverse=True)[1]
+    first = np.empty(int(place.max(initial=-1)) + 1, dtype=np.int64)
+    first[place] = np.arange(len(rows))
+    return rows[first], place

@@ -9,12 +9,16 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import FloatArray, frozen
+
+#: Nets done at a time: the temporary arrays stay in the processor's cache.
+_CACHED_NETS = 64
 
 
 def bernstein(t: ArrayLike) -> FloatArray:
@@ -97,15 +101,39 @@ def tangents(
 def surface_points(
     nets: FloatArray, u: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points and first derivatives (n, k, 3) of nets (n, 4, 4, 4) at their own u, v (n, k)."""
+    """Points and first derivatives (n, k, 3) of nets (n, 4, 4, 4).
+
+    At parameters u, v (n, k) of their own, or (k,) for all.
+    """
+    bases = _bases(u, v)
+    if np.ndim(u) > 1:
+        flat = nets.reshape(len(nets), 16, 4)
+        return _euclidean(*(basis @ flat for basis in bases))
+    out = np.empty((3, len(nets), len(u), 3))
+    for some, found in _in_blocks(nets, bases):
+        out[:, some] = found
+    return out[0], out[1], out[2]
+
+
+def _bases(u: FloatArray, v: FloatArray) -> list[FloatArray]:
+    """What takes nets to points and both derivatives: three arrays (..., k, 16)."""
     bu, bv = bernstein(u), bernstein(v)
     du, dv = bernstein_derivative(u), bernstein_derivative(v)
-    flat = nets.reshape(len(nets), 16, 4)
-    h, hu, hv = (
-        (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 16) @ flat
+    return [
+        (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 16)
         for a, b in ((bu, bv), (du, bv), (bu, dv))
-    )
-    return _euclidean(h, hu, hv)
+    ]
+
+
+def _in_blocks(
+    nets: FloatArray, bases: list[FloatArray]
+) -> Iterator[tuple[slice, tuple[FloatArray, FloatArray, FloatArray]]]:
+    """Points and derivatives of some nets after the others, all at the same parameters."""
+    k, basis = len(bases[0]), np.concatenate(bases)
+    for start in range(0, len(nets), _CACHED_NETS):
+        some = slice(start, start + _CACHED_NETS)
+        h = basis @ nets[some].reshape(-1, 16, 4)
+        yield some, _euclidean(h[:, :k], h[:, k : 2 * k], h[:, 2 * k :])
 
 
 @cache
@@ -122,24 +150,11 @@ def areas(nets: FloatArray, *, order: int = 6, pieces: int = 2) -> FloatArray:
     """
     nets = np.asarray(nets, dtype=np.float64)
     x, w = gauss_rule(order)
-    u = np.concatenate([(x + k) / pieces for k in range(pieces)])
+    t = np.concatenate([(x + k) / pieces for k in range(pieces)])
     weight = np.tile(w / pieces, pieces)
-    b, d = bernstein(u), bernstein_derivative(u)
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     weights = np.outer(weight, weight).ravel()
-    q = len(weights)
-    basis = np.concatenate(
-        [
-            (along_u[:, None, :, None] * along_v[:, None, :]).reshape(q, 16)
-            for along_u, along_v in ((b, b), (d, b), (b, d))
-        ]
-    )
     total = np.empty(len(nets))
-    step = 64  # the temporary arrays stay in the processor's cache
-    for start in range(0, len(nets), step):
-        part = nets[start : start + step]
-        every = basis @ part.reshape(len(part), 16, 4)
-        h, hu, hv = every[:, :q], every[:, q : 2 * q], every[:, 2 * q :]
-        _, su, sv = _euclidean(h, hu, hv)
-        jacobian = np.linalg.norm(np.cross(su, sv), axis=-1)
-        total[start : start + step] = jacobian @ weights
+    for some, (_, su, sv) in _in_blocks(nets, _bases(u, v)):
+        total[some] = np.linalg.norm(np.cross(su, sv), axis=-1) @ weights
     return total

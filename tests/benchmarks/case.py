@@ -68,12 +68,13 @@ class MitsubaSetting:
 
 @dataclass(frozen=True)
 class OurSetting:
-    """One run of Patchlight: the one knob."""
+    """One run of Patchlight: the one knob, and whether surfaces are new to the process."""
 
     accuracy: float
+    new: bool = False
 
     def __str__(self) -> str:
-        return f"accuracy {self.accuracy:g}"
+        return f"accuracy {self.accuracy:g}" + (", new surfaces" if self.new else "")
 
 
 @dataclass(frozen=True, eq=False)
