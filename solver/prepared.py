@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 #: Edges closer than this, against the size of all, are one: wider slits let light through.
 _ONE_EDGE = 1e-9
-#: Sets of surfaces kept.
-_KEPT = 4
+#: Sets of surfaces kept, and patches in each at most: some 6 kB a patch.
+_KEPT, _KEPT_PATCHES = 4, 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,9 @@ class Prepared:
 def prepare(sources: FloatArray, blockers: PatchSet | None) -> Prepared:
     """Sources (n, 4, 4, 4) that hide one another, and what hides them besides."""
     others = np.empty((0, 4, 4, 4)) if blockers is None else blockers.control_points
-    return _prepared(sources.tobytes(), others.tobytes())
+    many = len(sources) + len(others) > _KEPT_PATCHES
+    find = _prepared.__wrapped__ if many else _prepared
+    return find(sources.tobytes(), others.tobytes())
 
 
 @lru_cache(maxsize=_KEPT)

@@ -14,6 +14,9 @@ from .model.arrays import FloatArray, MatrixArray
 #: is far less than what meshes and form factors leave.
 TOLERANCE, TOLERANCE_SHARE = 1e-9, 1e-4
 MAX_ITERATIONS = 300
+#: Least share of the light that an element must keep: sums of factors of single precision are known
+#: to a tenth of that.
+ABSORBED = 1e-6
 
 
 def check_absorbs(factors: FloatArray, reflectance: FloatArray) -> float:
@@ -24,7 +27,7 @@ def check_absorbs(factors: FloatArray, reflectance: FloatArray) -> float:
     """
     sums = products(factors, np.ones(factors.shape[1]))
     share = float((reflectance.max(axis=1) * sums).max(initial=0.0))
-    if share >= 1.0 - 1e-9 and float((reflectance.min(axis=1)).min()) >= 1.0 - 1e-9:
+    if share >= 1.0 - ABSORBED and float((reflectance.min(axis=1)).min()) >= 1.0 - 1e-9:
         raise NumericsError(
             f"no surface absorbs light (reflectance 1 everywhere, largest ρ ΣF = {share:.6f}): "
             "a closed scene has no balance; use reflectances below 1"

@@ -6,6 +6,7 @@ import numpy as np
 
 from .budget import Budget
 from .errors import GeometryError, InputError
+from .exchange import ROUNDING
 from .field import FINE_SHARE, Field, FieldSolver, Gathered
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
@@ -324,6 +325,6 @@ def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
 
     Mesh: 0.8 of the change against elements half as large again, the error of a second-order
     method. Sampling of partly hidden cells: two standard deviations.
-    Quadrature: the accuracy ``eps`` of unoccluded factors, of the value.
+    Quadrature and rounding: the accuracy ``eps`` of unoccluded factors, and theirs, of the value.
     """
-    return np.asarray(0.8 * shift + 2.0 * light.deviation + eps * light.luminous())
+    return np.asarray(0.8 * shift + 2.0 * light.deviation + (eps + ROUNDING) * light.luminous())

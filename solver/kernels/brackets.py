@@ -29,7 +29,7 @@ import numpy as np
 from .cell_brackets import ALL, NOTHING, TURNS, look
 from .compiled import kernel, lean, parallel
 from .contour import horizon_tolerance, shift_net
-from .nets import CONCAVE, CONVEX, PLANAR
+from .nets import CONCAVE, CONVEX, PLANAR, extremes
 from .piece_cuts import STRIP, end_value, restrict, zero_range
 from .pieces import BACK, FRONT, MIXED, NONE, forget_pieces, make_pieces, see_surfaces, see_tangents
 from .ray_patch import WORK
@@ -63,10 +63,7 @@ def see_from_itself(pieces, patch, flags, view):
 @lean
 def _source_side(g, slack):
     """`FRONT`, `BACK` or `MIXED`; where it is seen edge-on a source gives no light either way."""
-    low, high = 1e300, -1e300
-    for i in range(9):
-        for j in range(9):
-            low, high = min(low, g[i, j]), max(high, g[i, j])
+    low, high = extremes(g)
     if high <= slack:
         return BACK
     return FRONT if low >= -slack else MIXED
@@ -79,7 +76,9 @@ def _silhouette_cut(whole, cell, split, g, line):
     Beside its silhouette where that lies along a parameter line, as on a cylinder; else in the
     middle of parameter ``split``, and of neither half it is known (−1).
     """
-    g[:] = whole
+    for i in range(9):
+        for j in range(9):
+            g[i, j] = whole[i, j]
     restrict(g, cell[0], cell[1], True, line)
     restrict(g, cell[2], cell[3], False, line)
     zone = line[:2]

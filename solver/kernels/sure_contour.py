@@ -252,7 +252,8 @@ def pyramid_factor(planes, n, poly, other):
             di = mx * poly[i, 0] + my * poly[i, 1] + mz * poly[i, 2]
             dj = mx * poly[j, 0] + my * poly[j, 1] + mz * poly[j, 2]
             if di >= 0.0:
-                other[kept] = poly[i]
+                for c in range(3):
+                    other[kept, c] = poly[i, c]
                 kept += 1
             if (di >= 0.0) != (dj >= 0.0):
                 t = di / (di - dj)
@@ -261,7 +262,8 @@ def pyramid_factor(planes, n, poly, other):
                 kept += 1
         count = kept
         for i in range(count):
-            poly[i] = other[i]
+            for c in range(3):
+                poly[i, c] = other[i, c]
         if count < 3:
             return 0.0
     total = 0.0

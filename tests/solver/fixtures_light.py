@@ -86,6 +86,7 @@ def rows(
     cell_eps: float = 1e-4,
     levels: int = LEVELS,
     trace: bool = True,
+    single: bool = False,
 ) -> Rows:
     """Form factors from points (m, 3) to every patch as one element."""
     points = np.atleast_2d(np.asarray(points, dtype=float))
@@ -104,6 +105,7 @@ def rows(
         eps=eps,
         trace=trace,
         levels=levels,
+        single=single,
     )
 
 
