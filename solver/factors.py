@@ -47,6 +47,14 @@ _PLAIN_CELLS = 20_000
 _PAIR_BYTES = 6 * DOUBLE_BYTES
 #: Cells that a pair may take before "auto" samples it: enough for one outline to 1e-5.
 _FEW_CELLS = 2000
+#: Share of the accuracy asked for that "auto" states as the error of what it does not sample: twice
+#: the largest seen.
+_STATED = 0.5
+#: Least accuracy asked of the kernel.
+_LEAST = 1e-13
+#: Factor of what is seen against that of what would face the receiver, below which it is found with
+#: more digits.
+_GRAZING = 0.2
 #: Stands for what a receiver lies on until that is found.
 UNKNOWN = -2
 #: Standard deviations of the sampled part that "auto" states as its error.
@@ -204,8 +212,7 @@ def _factors(
     x = receivers.nodes[:, 0]
     if (receivers.patches == UNKNOWN).any():
         receivers = replace(receivers, patches=prepared.under(x))
-    # Both a point's distance and a patch's size tell how small its factor may be.
-    plain = _rows(receivers, sources, surfaces, _digits(x, sources, accuracy), trace=False)
+    plain = _plain(receivers, prepared, accuracy)
     if visibility != "auto":
         from .strict import MOST_CELLS, strict_form_factors
 
@@ -215,7 +222,7 @@ def _factors(
             receivers, sources, surfaces, plain, accuracy, hide=hide, most_cells=most_cells
         )
     if prepared.nothing_hides:
-        error = 0.1 * accuracy * plain.factors + ABSOLUTE
+        error = _STATED * accuracy * plain.factors + ABSOLUTE
         low, high = np.maximum(plain.factors - error, 0.0), plain.factors + error
         return FormFactors(plain.factors, low, high, False, plain.counters)
     return _estimated(receivers, prepared, plain, accuracy)
@@ -239,6 +246,32 @@ def _rows(
     )
 
 
+def _plain(receivers: Receivers, prepared: Prepared, accuracy: float) -> Rows:
+    """Factors without hiding.
+
+    Both a point's distance and a patch's size tell how small a factor may be. What is seen at a
+    grazing angle, or just over the horizon, is smaller still, while the errors of its edges are as
+    large: once that is known, it is found again with more digits.
+    """
+    sources, surfaces = prepared.sources, prepared.surfaces
+    x = receivers.nodes[:, 0]
+    eps = _digits(x, sources, accuracy)
+    plain = _rows(receivers, sources, surfaces, eps, trace=False)
+    bent = np.flatnonzero(prepared.bent)
+    seen = plain.factors[:, bent]
+    away = np.linalg.norm(x[:, None] - sources.spheres[bent, :3], axis=2)
+    apparent = np.minimum((sources.spheres[bent, 3] / np.maximum(away, 1e-300)) ** 2, 1.0)
+    share = np.where(accuracy * seen > ABSOLUTE, seen / apparent, 1.0).min(axis=1, initial=1.0)
+    digits = np.ceil(np.log10(_GRAZING / share))
+    for more in np.unique(digits[digits > 0.0]):
+        rows = np.flatnonzero(digits == more)
+        found = _rows(
+            receivers.take(rows), sources, surfaces, max(eps * 0.1**more, _LEAST), trace=False
+        )
+        plain.put(rows, found)
+    return plain
+
+
 def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
     """Accuracy for the kernel, which spends fewer digits on patches of a small solid angle.
 
@@ -252,7 +285,7 @@ def _digits(x: FloatArray, sources: Sources, accuracy: float) -> float:
         distance = float(np.linalg.norm(x - center, axis=1).max())
         smallest = min(smallest, radius / max(distance, 1e-300))
     eps = min(0.1 * accuracy * min(1.0, 20.0 * smallest**2), 0.5 * AREA_ERROR * smallest**2)
-    return float(max(eps, 1e-13))
+    return float(max(eps, _LEAST))
 
 
 def _estimated(
@@ -262,7 +295,7 @@ def _estimated(
     from .visible import FINEST, visible_factors
 
     value, solved, left = visible_factors(receivers, prepared, plain.factors, accuracy)
-    error = max(0.1 * accuracy, FINEST) * plain.factors + ABSOLUTE
+    error = max(_STATED * accuracy, FINEST) * plain.factors + ABSOLUTE
     low, high = np.maximum(value - error, 0.0), np.minimum(value + error, 1.0)
     counters = {**plain.counters, "pairs_by_contour": int(solved.sum())}
     rows = np.flatnonzero(left.any(axis=1))
@@ -317,7 +350,7 @@ def _sampled(
         cells = np.where(open_, np.maximum(relative * plain.factors[i], 0.01 * ABSOLUTE), 1.0)
         own = sources._replace(cell_eps=cells)
         found = _rows(receivers.take(np.array([i])), own, surfaces, eps, trace=True)
-        error = _DEVIATIONS * np.sqrt(found.variances[0]) + 0.1 * accuracy * plain.factors[i]
+        error = _DEVIATIONS * np.sqrt(found.variances[0]) + _STATED * accuracy * plain.factors[i]
         least = np.maximum(found.factors[0] - error - ABSOLUTE, low[i])
         most = np.minimum(found.factors[0] + error + ABSOLUTE, high[i])
         # Where the sample contradicts the proof, the proof stays.

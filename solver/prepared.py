@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .feet import normals_under
 from .model.arrays import FloatArray, IntArray
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Edges closer than this, against the size of all, are one: wider slits let light through.
 _ONE_EDGE = 1e-9
+#: Bend of an edge that does not matter, against the size of the patch.
+_STRAIGHT = 1e-14
 #: Sets of surfaces kept, and patches in each at most: some 6 kB a patch.
 _KEPT, _KEPT_PATCHES = 4, 10_000
 
@@ -58,6 +61,16 @@ class Prepared:
         # Tangent planes of those neither flat nor quadrics only.
         surfaces = see_through(self.surfaces, ~flat & (self.quadrics[:, 4, 3] == 0.0))
         return surfaces, make_regions(self.quadrics, surfaces.neighbors, self.surfaces)
+
+    @cached_property
+    def bent(self) -> NDArray[np.bool_]:
+        """Sources (n,) with edges that are not straight: those of others are integrated exactly."""
+        from .topology import edge_points
+
+        edges = edge_points(self.sources.nets)
+        along = edges[:, :, -1:] - edges[:, :, :1]
+        off = np.linalg.norm(np.cross(edges - edges[:, :, :1], along), axis=3).max(axis=(1, 2))
+        return np.asarray(off > _STRAIGHT * self.sources.spheres[:, 3] ** 2)
 
     @cached_property
     def nothing_hides(self) -> bool:

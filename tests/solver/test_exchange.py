@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from patchlight.solver import PatchSet
 from patchlight.solver.exchange import ROUNDING, products
 from patchlight.solver.kernels.threads import set_threads

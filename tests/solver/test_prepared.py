@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from patchlight.solver import PatchSet, point_form_factors
 from patchlight.solver.prepared import forget, prepare
 
