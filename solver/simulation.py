@@ -188,7 +188,14 @@ class _Simulation:
         grids: dict[str, Gathered],
         coarse: Field | None,
     ) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Change of indirect light at sensors and elements from a coarser mesh. [lx]"""
+        """Change of indirect light at sensors and elements from a coarser mesh. [lx]
+
+        Light that is misplaced beside lamps is misplaced on both meshes, and what the ledger lacks
+        may be missing anywhere: both count besides.
+        """
+        share = field.misplaced + abs(self._balance(field).residual_fraction)
+        shifts = {name: share * g.luminous("indirect") for name, g in grids.items()}
+        shift = share * field.light.luminous("indirect")
         budget = self.budget.coarser(self.scene)
         reason = ""
         if not field.all_reflected.any():
@@ -198,17 +205,15 @@ class _Simulation:
             self.stages.warnings.append(f"{reason}, and the errors hold no share of the mesh")
         if reason:
             self.stages.skipped["mesh check"] = reason
-            nothing = {name: np.zeros(len(g.deviation)) for name, g in grids.items()}
-            return nothing, np.zeros(len(field.surfaces.elements))
+            return shifts, shift
         if coarse is None:
             coarse = solver.solve(budget, name="mesh check")
-        shifts = {}
         for grid in self.scene.sensors:
             indirect = solver.gather_indirect(grid, budget, coarse)
             change = grids[grid.name].luminous("indirect") - indirect
             # One sensor's change may pass through zero: none is below the root mean square.
-            shifts[grid.name] = np.maximum(np.abs(change), np.sqrt(np.mean(change**2)))
-        return shifts, element_shift(field, coarse)
+            shifts[grid.name] += np.maximum(np.abs(change), np.sqrt(np.mean(change**2)))
+        return shifts, shift + element_shift(field, coarse)
 
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]
