@@ -16,7 +16,7 @@ MAX_ELEMENTS = 4000
 #: Share and number of elements that may be added where direct light changes.
 MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
-USUALLY_MORE = 0.15
+USUALLY_MORE = 0.2
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
 NODES = 2
 

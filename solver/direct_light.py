@@ -6,7 +6,7 @@ import numpy as np
 
 from .exchange import form_factor_matrix, make_sources
 from .kernels.pyramid import Blockers
-from .mesh import Cells, elements_on
+from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
 from .raycast import RayCaster
@@ -37,7 +37,7 @@ class DirectLight:
         self.blockers = blockers
         patch, side = np.nonzero(scene.luminaire_index >= 0)
         whole = np.tile((0.0, 1.0, 0.0, 1.0), (len(patch), 1))
-        lamps = elements_on(scene.patches, Cells(patch, side, whole))
+        lamps = elements_on(scene.patches, Boxes(patch, side, whole))
         self._areas, self._middles = lamps.areas, lamps.nodes.mean(axis=1)
         levels = np.array([lamp.exitance_lm_m2 for lamp in scene.luminaires])
         self._exitance = levels[scene.luminaire_index[patch, side]]

@@ -51,42 +51,42 @@ def divisions(patches: PatchSet, size: float) -> IntArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cells:
+class Boxes:
     """Parameter boxes that the lit sides of all patches are cut into, sorted by patch and side.
 
     Attributes
     ----------
     patch, side : (n,) int array
         Row of the patch, and 0 on its + side, 1 on its − side.
-    boxes : (n, 4) array
+    ends : (n, 4) array
         u0, u1, v0, v1 in the patch's parameters; those of one side fill it without overlap.
     """
 
     patch: IntArray
     side: IntArray
-    boxes: FloatArray
+    ends: FloatArray
 
     def __len__(self) -> int:
         return len(self.patch)
 
-    def take(self, rows: IntArray) -> Cells:
+    def take(self, rows: IntArray) -> Boxes:
         """Some of them."""
-        return Cells(self.patch[rows], self.side[rows], self.boxes[rows])
+        return Boxes(self.patch[rows], self.side[rows], self.ends[rows])
 
-    def joined(self, others: Cells) -> tuple[Cells, IntArray]:
+    def joined(self, others: Boxes) -> tuple[Boxes, IntArray]:
         """These and ``others``, sorted, and the row of each when one follows the other."""
-        both = Cells(
+        both = Boxes(
             np.append(self.patch, others.patch),
             np.append(self.side, others.side),
-            np.concatenate([self.boxes, others.boxes]),
+            np.concatenate([self.ends, others.ends]),
         )
-        order = np.lexsort((both.boxes[:, 2], both.boxes[:, 0], both.side, both.patch))
+        order = np.lexsort((both.ends[:, 2], both.ends[:, 0], both.side, both.patch))
         return both.take(order), order
 
     @classmethod
-    def regular(cls, counts: IntArray, two_sided: IntArray) -> Cells:
+    def regular(cls, counts: IntArray, two_sided: IntArray) -> Boxes:
         """``counts`` (p, 2) equal boxes along u and v on every side that light can reach."""
-        counts, sides = np.asarray(counts), 1 + np.asarray(two_sided, dtype=np.int64)
+        counts, sides = np.asarray(counts, dtype=np.int64), 1 + np.asarray(two_sided, dtype=np.int64)
         total = counts.prod(axis=1)
         patch = np.repeat(np.arange(len(counts)), total * sides)
         place = np.arange(len(patch)) - np.repeat(
@@ -108,11 +108,11 @@ def make_elements(
     small: float = 0.0,
 ) -> Elements:
     """Cut every patch into ``counts[p]`` equal elements; see `elements_on`."""
-    return elements_on(patches, Cells.regular(counts, two_sided), nodes=nodes, small=small)
+    return elements_on(patches, Boxes.regular(counts, two_sided), nodes=nodes, small=small)
 
 
-def elements_on(patches: PatchSet, cells: Cells, *, nodes: int = 2, small: float = 0.0) -> Elements:
-    """Elements over ``cells`` with ``nodes`` x ``nodes`` inset Gauss nodes.
+def elements_on(patches: PatchSet, boxes: Boxes, *, nodes: int = 2, small: float = 0.0) -> Elements:
+    """Elements over ``boxes`` with ``nodes`` x ``nodes`` inset Gauss nodes.
 
     Elements of an area below ``small`` [m²] have one node in their middle; the weights of their
     other nodes are 0.
@@ -125,11 +125,11 @@ def elements_on(patches: PatchSet, cells: Cells, *, nodes: int = 2, small: float
     if len(patches) == 0:
         raise GeometryError("the scene has no surfaces")
     rule, weight = gauss_rule(nodes)
-    patch, turned = cells.patch, cells.side == 1
+    patch, turned = boxes.patch, boxes.side == 1
     all_nets = patches.control_points[patch]
     # A patch that is one element keeps its net to the bit.
-    cut = np.flatnonzero((cells.boxes != (0.0, 1.0, 0.0, 1.0)).any(axis=1))
-    all_nets[cut] = sub_nets(all_nets[cut], cells.boxes[cut])
+    cut = np.flatnonzero((boxes.ends != (0.0, 1.0, 0.0, 1.0)).any(axis=1))
+    all_nets[cut] = sub_nets(all_nets[cut], boxes.ends[cut])
     all_nets[turned] = all_nets[turned][:, ::-1]
     u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
     rule_weight = np.outer(weight, weight).ravel()
@@ -153,8 +153,8 @@ def elements_on(patches: PatchSet, cells: Cells, *, nodes: int = 2, small: float
     return Elements(
         nets=all_nets,
         patch_index=patch,
-        side=cells.side,
-        boxes=cells.boxes,
+        side=boxes.side,
+        boxes=boxes.ends,
         nodes=points,
         normals=normals,
         weights=weights,

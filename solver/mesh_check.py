@@ -7,6 +7,23 @@ import numpy as np
 from .field import Field
 from .model.arrays import FloatArray
 
+#: Most that is taken for left of a change, where meshes hardly differ.
+MOST_LEFT = 5.0
+
+
+def left_of_change(field: Field, coarse: Field) -> float:
+    """Error of the finer mesh against its change from a coarser one, of a second-order method.
+
+    Errors go with the square of the elements' sizes. Patches are cut into whole numbers: how much
+    smaller the elements are is seen from their areas, each weighted with itself.
+    """
+    fine, large = (float((a**2).sum() / a.sum()) for a in (_areas(field), _areas(coarse)))
+    return 1.0 / max(large / fine - 1.0, 1.0 / MOST_LEFT)
+
+
+def _areas(field: Field) -> FloatArray:
+    return field.surfaces.elements.areas
+
 
 def element_shift(field: Field, coarse: Field) -> FloatArray:
     """Change (n,) of the mean illuminance over the coarse element that holds each fine one. [lx]"""

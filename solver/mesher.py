@@ -1,4 +1,4 @@
-"""The meshes of one scene: equal cells by the budget, cut where the light of the lamps changes."""
+"""The meshes of one scene: equal boxes by the budget, cut where the light of the lamps changes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .containment import Containment
 from .direct_light import DirectLight
 from .kernels.pyramid import Blockers
 from .memory import fits
-from .mesh import Cells, elements_on
+from .mesh import Boxes, elements_on
 from .model.elements import Elements
 from .model.scene import SceneData
 from .refinement import Refiner
@@ -53,9 +53,9 @@ class Mesher:
         Also the share of the reflected light that they have in the wrong place beside lamps.
         """
         scene = self.scene
-        cells, misplaced = self.cells(budget)
+        boxes, misplaced = self.boxes(budget)
         small = (SMALL * budget.size) ** 2
-        elements = elements_on(scene.patches, cells, nodes=budget.nodes, small=small)
+        elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
         low, high = scene.patches.bounds()
         distance = CONTACT * float(np.linalg.norm(high - low))
         buried = self._containment.buried(
@@ -63,16 +63,16 @@ class Mesher:
         )
         return replace(elements, buried=buried.reshape(elements.weights.shape)), misplaced
 
-    def cells(self, budget: Budget) -> tuple[Cells, float]:
+    def boxes(self, budget: Budget) -> tuple[Boxes, float]:
         """The parameter boxes of these elements, and the same share."""
-        cells = Cells.regular(budget.divisions, self.scene.two_sided)
+        boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
-        if most <= len(cells) or not self.scene.luminaires or not fits(most):
-            return cells, 0.0
+        if most <= len(boxes) or not self.scene.luminaires or not fits(most):
+            return boxes, 0.0
         if self._refiner is None:
             light = DirectLight(self.scene, self.blockers, trace=self.trace)
             rho = reflectances(self.scene)
             self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
-        cut, misplaced = self._refiner.refine(cells, budget.misplaced, most)
-        self.stages.count({"elements_added": len(cut) - len(cells)})
+        cut, misplaced = self._refiner.refine(boxes, budget.misplaced, most)
+        self.stages.count({"elements_added": len(cut) - len(boxes)})
         return cut, misplaced

@@ -1,8 +1,9 @@
-"""Cells cut where direct light changes.
+"""Boxes cut where direct light changes.
 
 An element sends light on as if it came evenly from all of it. What of the reflected light is then
 in the wrong place, ρ ∫ |E − Ē| dA, matters as far as it is moved against the distance to what it
 falls on: by h/d of it where d is large, and wholly in a gap that is narrower than the element.
+What the few nodes of the element make of its mean is wrong besides.
 Light that changes gradually is left to the size of the mesh; what stands out is cut, until what is
 misplaced in all is the share that the accuracy allows. Each cut is put where it leaves the least
 variance on both sides, as in regression trees [1]: so that it finds the edge of a shadow, or of the
@@ -20,28 +21,35 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from .budget import NODES
 from .direct_light import DirectLight
-from .mesh import Cells
+from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import surface_points
+from .model.bezier import gauss_rule, surface_points
 from .model.patches import PatchSet
 
-#: Points a direction at which a cell's light is looked at, and between which it is cut.
-LOOK, CUT = 4, 8
-#: Rounds of cutting: an edge is found to a 4096th of a cell by four.
-ROUNDS = 8
+#: Gauss points a direction at which the light in a box is looked at: what lies within a fourteenth
+#: of it from its sides is not seen.
+LOOK = gauss_rule(4)
+#: Equal parts a direction between which a box is cut.
+CUT = 8
+#: Weight of light that the nodes add or lose against light in the wrong place: it is wrong for all
+#: that is lit from there, and at a reflectance of a half what comes of it is twice as much.
+LOST = 2.0
+#: Rounds of cutting: two find an edge to a 64th of a box.
+ROUNDS = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """Reflected direct light of cells; row i of every array is the same cell.
+    """Reflected direct light of boxes; row i of every array is the same box.
 
     Attributes
     ----------
     misplaced : (n,) array
-        Flux in the wrong place, weighted by how far. [lm]
+        Flux in the wrong place, weighted by how far, and what the nodes add or lose. [lm]
     beside_lamps : (n,) array
-        The same, as if nothing but lamps were near. [lm]
+        The first of both, as if nothing but lamps were near. [lm]
     flux : (n,) array
         All of it. [lm]
     """
@@ -64,7 +72,7 @@ class Judged:
 
 
 class Refiner:
-    """Cuts cells of one scene.
+    """Cuts the boxes of one scene.
 
     Parameters
     ----------
@@ -84,76 +92,79 @@ class Refiner:
         self.patches, self.reflectance = patches, reflectance
         self.light, self.distance = light, distance
 
-    def refine(self, cells: Cells, allowed: float, most: int) -> tuple[Cells, float]:
-        """Cut ``cells`` until the share ``allowed`` of the reflected light is misplaced.
+    def refine(self, boxes: Boxes, allowed: float, most: int) -> tuple[Boxes, float]:
+        """Cut ``boxes`` until the share ``allowed`` of the reflected light is misplaced.
 
-        No more than ``most`` cells are made. Returns them, and the share of the light that is still
+        No more than ``most`` boxes are made. Returns them, and the share of the light that is still
         misplaced beside lamps: of a gap's light, which no mesh of another size shows as a change.
         """
-        judged = self._judge(cells)
+        judged = self._judge(boxes)
         total = float(judged.flux.sum())
         for _ in range(ROUNDS):
             misplaced = judged.misplaced
             order = np.argsort(-misplaced, kind="stable")
-            # The fewest cells without which the rest is good enough.
+            # The fewest boxes without which the rest is good enough.
             rest = np.cumsum(misplaced[order][::-1])[::-1]
             count = int(np.searchsorted(-rest, -allowed * total))
-            count = min(count, most - len(cells))
+            count = min(count, most - len(boxes))
             if count <= 0:
                 break
             chosen = np.sort(order[:count])
-            halves = self._cut(cells.take(chosen))
-            kept = np.setdiff1d(np.arange(len(cells)), chosen)
+            halves = self._cut(boxes.take(chosen))
+            kept = np.setdiff1d(np.arange(len(boxes)), chosen)
             judged = judged.take(kept).joined(self._judge(halves))
-            cells, order = cells.take(kept).joined(halves)
+            boxes, order = boxes.take(kept).joined(halves)
             judged = judged.take(order)
-        return cells, float(judged.beside_lamps.sum()) / total if total > 0.0 else 0.0
+        return boxes, float(judged.beside_lamps.sum()) / total if total > 0.0 else 0.0
 
-    def _judge(self, cells: Cells) -> Judged:
-        points, normals, areas, lengths = _points(self.patches, cells, LOOK)
-        light, nearness = self._light(points, normals, cells.patch)
+    def _judge(self, boxes: Boxes) -> Judged:
+        light, nearness, areas, lengths = self._light(boxes, *LOOK)
+        told, _, shares, _ = self._light(boxes, *gauss_rule(NODES))
         total = areas.sum(axis=1)
         mean = np.einsum("nk,nk->n", light, areas) / total
         off = np.einsum("nk,nk->n", np.abs(light - mean[:, None]), areas)
         near = np.einsum("nk,nk->n", nearness, areas) / total
-        rho, length = self.reflectance[cells.patch, cells.side], lengths.max(axis=1)
-        moved = [np.minimum(1.0, length * n) for n in (near + 1.0 / self.distance, near)]
-        return Judged(rho * off * moved[0], rho * off * moved[1], rho * mean * total)
+        rho, length = self.reflectance[boxes.patch, boxes.side], lengths.max(axis=1)
+        missed = np.abs(np.einsum("nk,nk->n", told, shares) / shares.sum(axis=1) - mean) * total
+        far, gap = (np.minimum(1.0, length * n) for n in (1.0 / self.distance, near))
+        wrong = off * (far + gap) + LOST * missed
+        return Judged(rho * wrong, rho * off * gap, rho * mean * total)
 
-    def _cut(self, cells: Cells) -> Cells:
-        """Both parts of every cell, one after the other."""
-        points, normals, areas, _ = _points(self.patches, cells, CUT)
-        light, _ = self._light(points, normals, cells.patch)
+    def _cut(self, boxes: Boxes) -> Boxes:
+        """Both parts of every box, one after the other."""
+        light, _, areas, _ = self._light(boxes, *_equal(CUT))
         axis, place = best_cut(light.reshape(-1, CUT, CUT), areas.reshape(-1, CUT, CUT))
-        rows, boxes = np.arange(len(cells)), np.repeat(cells.boxes[:, None], 2, axis=1)
-        low, high = cells.boxes[rows, 2 * axis], cells.boxes[rows, 2 * axis + 1]
+        rows, ends = np.arange(len(boxes)), np.repeat(boxes.ends[:, None], 2, axis=1)
+        low, high = boxes.ends[rows, 2 * axis], boxes.ends[rows, 2 * axis + 1]
         middle = low + (high - low) * (place / CUT)
-        boxes[rows, 0, 2 * axis + 1] = boxes[rows, 1, 2 * axis] = middle
-        patch, side = np.repeat(cells.patch, 2), np.repeat(cells.side, 2)
-        return Cells(patch, side, boxes.reshape(-1, 4))
+        ends[rows, 0, 2 * axis + 1] = ends[rows, 1, 2 * axis] = middle
+        patch, side = np.repeat(boxes.patch, 2), np.repeat(boxes.side, 2)
+        return Boxes(patch, side, ends.reshape(-1, 4))
 
     def _light(
-        self, points: FloatArray, normals: FloatArray, patch: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Illuminance and nearness (n, k) at points (n, k, 3)."""
-        n, k = points.shape[:2]
-        found = self.light.at(points.reshape(-1, 3), normals.reshape(-1, 3), np.repeat(patch, k))
-        light, nearness = (values.reshape(n, k) for values in found)
-        return light, nearness
+        self, boxes: Boxes, t: FloatArray, weight: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Illuminance, nearness and area (n, k²) at k x k places of boxes, and lengths (n, 2)."""
+        points, normals, areas, lengths = _points(self.patches, boxes, t, weight)
+        k = areas.shape[1]
+        patch = np.repeat(boxes.patch, k)
+        found = self.light.at(points.reshape(-1, 3), normals.reshape(-1, 3), patch)
+        light, nearness = (values.reshape(-1, k) for values in found)
+        return light, nearness, areas, lengths
 
 
 def best_cut(light: FloatArray, areas: FloatArray) -> tuple[IntArray, IntArray]:
-    """Where to cut cells in two so that the variance left in both parts is least.
+    """Where to cut boxes in two so that the variance left in both parts is least.
 
     Parameters
     ----------
     light, areas : (n, k, k) array
-        Illuminance [lx] of, and area [m²] about, points in the middles of k x k equal boxes.
+        Illuminance [lx] of, and area [m²] about, the middles of k x k equal parts.
 
     Returns
     -------
     axis, place : (n,) int arrays
-        0 for a cut across u, 1 across v, and how many boxes lie before it, 1 … k − 1. Light that
+        0 for a cut across u, 1 across v, and how many parts lie before it, 1 … k − 1. Light that
         is even all over is halved.
     """
     k = light.shape[1]
@@ -162,7 +173,7 @@ def best_cut(light: FloatArray, areas: FloatArray) -> tuple[IntArray, IntArray]:
         flux, area = (a.sum(axis=across).cumsum(axis=1) for a in (light * areas, areas))
         after = flux[:, -1:] - flux[:, :-1], area[:, -1:] - area[:, :-1]
         before = flux[:, :-1], area[:, :-1]
-        # Boxes at a side collapsed to a point may have no area, and then no light.
+        # Parts at a side collapsed to a point may have no area, and then no light.
         gains.append(sum(f**2 / np.maximum(a, 1e-300) for f, a in (before, after)))
     gain = np.stack(gains, axis=1)
     # Rounding must not choose between cuts that are as good: the middlemost is taken.
@@ -171,18 +182,23 @@ def best_cut(light: FloatArray, areas: FloatArray) -> tuple[IntArray, IntArray]:
     return axis, place + 1
 
 
+def _equal(k: int) -> tuple[FloatArray, FloatArray]:
+    """Middles and weights (k,) of equal parts."""
+    return (np.arange(k) + 0.5) / k, np.full(k, 1.0 / k)
+
+
 def _points(
-    patches: PatchSet, cells: Cells, k: int
+    patches: PatchSet, boxes: Boxes, t: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Middles (n, k², 3) of k x k equal boxes of cells, normals, areas, and lengths (n, 2)."""
-    t = (np.arange(k) + 0.5) / k
+    """Points (n, k², 3) of a rule (k,) in boxes, normals, areas, and lengths (n, 2)."""
     s = [g.ravel() for g in np.meshgrid(t, t, indexing="ij")]
-    low, step = cells.boxes[:, ::2], np.diff(cells.boxes.reshape(-1, 2, 2), axis=2)[:, :, 0]
+    share = np.outer(weight, weight).ravel()
+    low, step = boxes.ends[:, ::2], boxes.ends[:, 1::2] - boxes.ends[:, ::2]
     u, v = (low[:, axis, None] + step[:, axis, None] * s[axis] for axis in (0, 1))
-    points, su, sv = surface_points(patches.control_points[cells.patch], u, v)
+    points, su, sv = surface_points(patches.control_points[boxes.patch], u, v)
     normals = np.cross(su, sv)
     size = np.linalg.norm(normals, axis=2)
     normals /= np.maximum(size, 1e-300)[:, :, None]
-    normals[cells.side == 1] *= -1.0
+    normals[boxes.side == 1] *= -1.0
     run = np.stack([np.linalg.norm(d, axis=2).mean(axis=1) for d in (su, sv)], axis=1)
-    return points, normals, size * step.prod(axis=1)[:, None] / k**2, run * step
+    return points, normals, size * share * step.prod(axis=1)[:, None], run * step

@@ -10,7 +10,7 @@ from .field import FINE_SHARE, Field, FieldSolver, Gathered
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import check_memory, fits
-from .mesh_check import element_shift
+from .mesh_check import element_shift, left_of_change
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
@@ -188,7 +188,7 @@ class _Simulation:
         grids: dict[str, Gathered],
         coarse: Field | None,
     ) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Change of indirect light at sensors and elements from a coarser mesh. [lx]
+        """Error of indirect light at sensors and elements, from a coarser mesh. [lx]
 
         Light that is misplaced beside lamps is misplaced on both meshes, and what the ledger lacks
         may be missing anywhere: both count besides.
@@ -208,12 +208,14 @@ class _Simulation:
             return shifts, shift
         if coarse is None:
             coarse = solver.solve(budget, name="mesh check")
+        rest = left_of_change(field, coarse)
         for grid in self.scene.sensors:
             indirect = solver.gather_indirect(grid, budget, coarse)
             change = grids[grid.name].luminous("indirect") - indirect
             # One sensor's change may pass through zero: none is below the root mean square.
-            shifts[grid.name] += np.maximum(np.abs(change), np.sqrt(np.mean(change**2)))
-        return shifts, shift + element_shift(field, coarse)
+            floor = np.sqrt(np.mean(change**2))
+            shifts[grid.name] += rest * np.maximum(np.abs(change), floor)
+        return shifts, shift + rest * element_shift(field, coarse)
 
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]
@@ -327,8 +329,7 @@ class _Simulation:
 def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
     """Half-width (m,) of the numerical error. [lx]
 
-    Mesh: 0.8 of the change against elements half as large again, the error of a second-order
-    method. Sampling of partly hidden cells: two standard deviations.
+    Mesh: ``shift``. Sampling of partly hidden cells: two standard deviations.
     Quadrature: the accuracy ``eps`` of unoccluded factors, of the value.
     """
-    return np.asarray(0.8 * shift + 2.0 * light.deviation + eps * light.luminous())
+    return np.asarray(shift + 2.0 * light.deviation + eps * light.luminous())
