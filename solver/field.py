@@ -90,7 +90,7 @@ class Field:
     reflected : dict of (n, b) arrays
         Reflected exitance by light group. [lm/m²]
     misplaced : float
-        Share of the reflected light that the elements have in the wrong place beside lamps.
+        Share of the reflected light that the elements have in the wrong place.
     """
 
     surfaces: Surfaces

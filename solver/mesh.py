@@ -86,7 +86,10 @@ class Boxes:
     @classmethod
     def regular(cls, counts: IntArray, two_sided: IntArray) -> Boxes:
         """``counts`` (p, 2) equal boxes along u and v on every side that light can reach."""
-        counts, sides = np.asarray(counts, dtype=np.int64), 1 + np.asarray(two_sided, dtype=np.int64)
+        counts, sides = (
+            np.asarray(counts, dtype=np.int64),
+            1 + np.asarray(two_sided, dtype=np.int64),
+        )
         total = counts.prod(axis=1)
         patch = np.repeat(np.arange(len(counts)), total * sides)
         place = np.arange(len(patch)) - np.repeat(

@@ -50,7 +50,7 @@ class Mesher:
     def elements(self, budget: Budget) -> tuple[Elements, float]:
         """Elements of the size that ``budget`` asks for, or smaller.
 
-        Also the share of the reflected light that they have in the wrong place beside lamps.
+        Also the share of the reflected light that they have in the wrong place.
         """
         scene = self.scene
         boxes, misplaced = self.boxes(budget)

@@ -17,8 +17,6 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-
 import numpy as np
 
 from .budget import NODES
@@ -38,37 +36,6 @@ CUT = 8
 LOST = 2.0
 #: Rounds of cutting: two find an edge to a 64th of a box.
 ROUNDS = 12
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Judged:
-    """Reflected direct light of boxes; row i of every array is the same box.
-
-    Attributes
-    ----------
-    misplaced : (n,) array
-        Flux in the wrong place, weighted by how far, and what the nodes add or lose. [lm]
-    beside_lamps : (n,) array
-        The first of both, as if nothing but lamps were near. [lm]
-    flux : (n,) array
-        All of it. [lm]
-    """
-
-    misplaced: FloatArray
-    beside_lamps: FloatArray
-    flux: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.flux)
-
-    def take(self, rows: IntArray) -> Judged:
-        """Some of them."""
-        return Judged(self.misplaced[rows], self.beside_lamps[rows], self.flux[rows])
-
-    def joined(self, others: Judged) -> Judged:
-        """These, then ``others``."""
-        pairs = ((getattr(self, f.name), getattr(others, f.name)) for f in fields(self))
-        return Judged(*(np.append(*pair) for pair in pairs))
 
 
 class Refiner:
@@ -95,16 +62,15 @@ class Refiner:
     def refine(self, boxes: Boxes, allowed: float, most: int) -> tuple[Boxes, float]:
         """Cut ``boxes`` until the share ``allowed`` of the reflected light is misplaced.
 
-        No more than ``most`` boxes are made. Returns them, and the share of the light that is still
-        misplaced beside lamps: of a gap's light, which no mesh of another size shows as a change.
+        No more than ``most`` boxes are made. Returns them and the share that is left, which is
+        about the relative error of light that has been reflected.
         """
-        judged = self._judge(boxes)
-        total = float(judged.flux.sum())
+        wrong, flux = self._judge(boxes)
+        total = float(flux.sum())
         for _ in range(ROUNDS):
-            misplaced = judged.misplaced
-            order = np.argsort(-misplaced, kind="stable")
+            order = np.argsort(-wrong, kind="stable")
             # The fewest boxes without which the rest is good enough.
-            rest = np.cumsum(misplaced[order][::-1])[::-1]
+            rest = np.cumsum(wrong[order][::-1])[::-1]
             count = int(np.searchsorted(-rest, -allowed * total))
             count = min(count, most - len(boxes))
             if count <= 0:
@@ -112,23 +78,23 @@ class Refiner:
             chosen = np.sort(order[:count])
             halves = self._cut(boxes.take(chosen))
             kept = np.setdiff1d(np.arange(len(boxes)), chosen)
-            judged = judged.take(kept).joined(self._judge(halves))
+            wrong = np.append(wrong[kept], self._judge(halves)[0])
             boxes, order = boxes.take(kept).joined(halves)
-            judged = judged.take(order)
-        return boxes, float(judged.beside_lamps.sum()) / total if total > 0.0 else 0.0
+            wrong = wrong[order]
+        return boxes, float(wrong.sum()) / total if total > 0.0 else 0.0
 
-    def _judge(self, boxes: Boxes) -> Judged:
+    def _judge(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
+        """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]"""
         light, nearness, areas, lengths = self._light(boxes, *LOOK)
         told, _, shares, _ = self._light(boxes, *gauss_rule(NODES))
         total = areas.sum(axis=1)
         mean = np.einsum("nk,nk->n", light, areas) / total
+        lost = np.abs(np.einsum("nk,nk->n", told, shares) / shares.sum(axis=1) - mean) * total
         off = np.einsum("nk,nk->n", np.abs(light - mean[:, None]), areas)
-        near = np.einsum("nk,nk->n", nearness, areas) / total
-        rho, length = self.reflectance[boxes.patch, boxes.side], lengths.max(axis=1)
-        missed = np.abs(np.einsum("nk,nk->n", told, shares) / shares.sum(axis=1) - mean) * total
-        far, gap = (np.minimum(1.0, length * n) for n in (1.0 / self.distance, near))
-        wrong = off * (far + gap) + LOST * missed
-        return Judged(rho * wrong, rho * off * gap, rho * mean * total)
+        near = 1.0 / self.distance + np.einsum("nk,nk->n", nearness, areas) / total
+        moved = off * np.minimum(1.0, lengths.max(axis=1) * near)
+        rho = self.reflectance[boxes.patch, boxes.side]
+        return rho * (moved + LOST * lost), rho * mean * total
 
     def _cut(self, boxes: Boxes) -> Boxes:
         """Both parts of every box, one after the other."""

@@ -190,8 +190,8 @@ class _Simulation:
     ) -> tuple[dict[str, FloatArray], FloatArray]:
         """Error of indirect light at sensors and elements, from a coarser mesh. [lx]
 
-        Light that is misplaced beside lamps is misplaced on both meshes, and what the ledger lacks
-        may be missing anywhere: both count besides.
+        What both meshes have wrong alike changes nothing: the light that the finer one misplaces,
+        and what the ledger lacks, count besides.
         """
         share = field.misplaced + abs(self._balance(field).residual_fraction)
         shifts = {name: share * g.luminous("indirect") for name, g in grids.items()}
