@@ -25,6 +25,8 @@ NODES = 2
 _START = 0.5
 #: A pair of node and element, with the comparison with a coarser mesh: 0.2 … 0.3 µs.
 _PAIR = 3e-7
+#: A pair of element and lamp patch, to find where to cut, on two meshes.
+_LAMP = 1e-5
 #: A sensor, times the accuracy: lamps and surfaces, and besides them the sky.
 _SENSOR, _SENSOR_SKY = 2.5e-4, 1.2e-3
 #: A pixel of a camera: 2 µs on one core, the picture's file not counted.
@@ -180,7 +182,8 @@ class Budget:
         """
         more = 1.0 + (USUALLY_MORE if scene.luminaires else 0.0)
         pairs = float(self.receivers) * self.elements * more**2
+        cuts = _LAMP * self.elements * int((scene.luminaire_index >= 0).sum())
         sensor = _SENSOR if scene.sky is None else _SENSOR + _SENSOR_SKY
         sensors = sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
-        return _START + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
+        return _START + cuts + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
