@@ -10,7 +10,7 @@ from .field import FINE_SHARE, Field, FieldSolver, Gathered
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import check_memory, fits
-from .mesh_check import element_shift, left_of_change
+from .mesh_check import MeshError, element_shift, left_of_change
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
@@ -190,12 +190,12 @@ class _Simulation:
     ) -> tuple[dict[str, FloatArray], FloatArray]:
         """Error of indirect light at sensors and elements, from a coarser mesh. [lx]
 
-        What both meshes have wrong alike changes nothing: the light that the finer one misplaces,
-        and what the ledger lacks, count besides.
+        What both meshes have wrong alike changes nothing: it is no less than the light that the
+        finer one misplaces. What the ledger lacks counts besides.
         """
-        share = field.misplaced + abs(self._balance(field).residual_fraction)
-        shifts = {name: share * g.luminous("indirect") for name, g in grids.items()}
-        shift = share * field.light.luminous("indirect")
+        error = MeshError(field.misplaced, abs(self._balance(field).residual_fraction))
+        light = {name: g.luminous("indirect") for name, g in grids.items()}
+        on_elements = field.light.luminous("indirect")
         budget = self.budget.coarser(self.scene)
         reason = ""
         if not field.all_reflected.any():
@@ -205,17 +205,17 @@ class _Simulation:
             self.stages.warnings.append(f"{reason}, and the errors hold no share of the mesh")
         if reason:
             self.stages.skipped["mesh check"] = reason
-            return shifts, shift
+            return {name: error.of(own) for name, own in light.items()}, error.of(on_elements)
         if coarse is None:
             coarse = solver.solve(budget, name="mesh check")
-        rest = left_of_change(field, coarse)
+        rest, errors = left_of_change(field, coarse), {}
         for grid in self.scene.sensors:
-            indirect = solver.gather_indirect(grid, budget, coarse)
-            change = grids[grid.name].luminous("indirect") - indirect
+            own = light[grid.name]
+            change = own - solver.gather_indirect(grid, budget, coarse)
             # One sensor's change may pass through zero: none is below the root mean square.
-            floor = np.sqrt(np.mean(change**2))
-            shifts[grid.name] += rest * np.maximum(np.abs(change), floor)
-        return shifts, shift + rest * element_shift(field, coarse)
+            change = np.maximum(np.abs(change), np.sqrt(np.mean(change**2)))
+            errors[grid.name] = error.of(own, rest * change)
+        return errors, error.of(on_elements, rest * element_shift(field, coarse))
 
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]
