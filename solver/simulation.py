@@ -200,9 +200,14 @@ class _Simulation:
         reason = ""
         if not field.all_reflected.any():
             reason = "no light is reflected"
-        elif (budget.divisions == self.budget.divisions).all():
+        elif (
+            len(field.surfaces.elements) == self.budget.elements
+            and (budget.divisions == self.budget.divisions).all()
+        ):
             reason = "every patch is one element: there is no coarser mesh to compare with"
-            self.stages.warnings.append(f"{reason}, and the errors hold no share of the mesh")
+            self.stages.warnings.append(
+                f"{reason}, and the errors hold of the mesh only what it misplaces of lamps' light"
+            )
         if reason:
             self.stages.skipped["mesh check"] = reason
             return {name: error.of(own) for name, own in light.items()}, error.of(on_elements)
