@@ -13,6 +13,8 @@ from .raycast import RayCaster
 
 #: Relative accuracy of unoccluded form factors: a hundredth of the light decides no cut.
 EPS = 1e-2
+#: Pairs of point and lamp at a time: some 60 MB.
+PAIRS = 2_000_000
 #: Share of a point's light below which it is not asked whether a lamp is in sight.
 FAINT = 0.02
 #: Distance above a surface from which rays start, relative to the scene's size, and the share of
@@ -55,6 +57,16 @@ class DirectLight:
         Nearness is the sum of form factor over distance of the lamps in sight, each taken for a
         disc F = R² / (R² + d²) of its area.
         """
+        light, nearness = np.empty((2, len(points)))
+        step = max(1, PAIRS // len(self._areas))
+        for start in range(0, len(points), step):
+            some = slice(start, start + step)
+            light[some], nearness[some] = self._at(points[some], normals[some], patches[some])
+        return light, nearness
+
+    def _at(
+        self, points: FloatArray, normals: FloatArray, patches: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
         factors = form_factor_matrix(
             points[:, None],
             normals[:, None],

@@ -21,6 +21,8 @@ from .surfaces import reflectances
 #: Distance above a surface at which it is asked whether something lies on it, relative to the
 #: scene's size.
 CONTACT = 1e-5
+#: Shining patches that are never too many to look where their light changes.
+MANY_LAMPS = 200
 #: Elements smaller than this share of the aimed size get a single node.
 SMALL = 0.2
 
@@ -67,8 +69,16 @@ class Mesher:
         """The parameter boxes of these elements, and the same share."""
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
-        if most <= len(boxes) or not self.scene.luminaires or not fits(most):
+        lamps = int((self.scene.luminaire_index >= 0).sum())
+        if most <= len(boxes) or lamps == 0 or not fits(most):
             return boxes, 0.0
+        if lamps > max(MANY_LAMPS, len(boxes) // 5):
+            # To look at 20 points of each element would cost more than the form factors.
+            self.stages.skipped["refinement"] = (
+                f"{lamps} shining patches light {len(boxes)} elements"
+            )
+            return boxes, 0.0
+        self.stages.skipped.pop("refinement", None)  # of a coarser mesh
         if self._refiner is None:
             light = DirectLight(self.scene, self.blockers, trace=self.trace)
             rho = reflectances(self.scene)

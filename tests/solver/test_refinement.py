@@ -265,6 +265,26 @@ def test_memory_sets_a_limit(monkeypatch):
     assert len(boxes) == Budget.of(made, 0.05).elements
 
 
+def test_many_lamps_are_not_looked_at_one_by_one(monkeypatch):
+    """Where it would cost more than the form factors themselves, equal elements have to do."""
+    monkeypatch.setattr("patchlight.solver.mesher.MANY_LAMPS", 5)
+    made, stages = room_with_lamp(0.01), Stages()
+    mesher = Mesher(made, setup(Body(made.patches)).blockers, trace=False, stages=stages)
+    few, many = (Budget.of(made, accuracy) for accuracy in (0.5, 0.05))
+    assert len(mesher.boxes(few)[0]) == few.elements < 30
+    assert stages.skipped["refinement"].startswith("6 shining patches")
+    assert len(mesher.boxes(many)[0]) > many.elements
+    assert "refinement" not in stages.skipped
+
+
+def test_points_are_done_some_at_a_time(monkeypatch):
+    made = room_with_lamp(0.01)
+    at_once, _ = boxes_of(made, 0.1)
+    monkeypatch.setattr("patchlight.solver.direct_light.PAIRS", 600)
+    some, _ = boxes_of(made, 0.1)
+    assert np.array_equal(some.ends, at_once.ends) and np.array_equal(some.patch, at_once.patch)
+
+
 def test_the_number_of_elements_is_bounded():
     made = room_with_lamp(0.002)
     budget = Budget.of(made, 0.05)
