@@ -13,6 +13,10 @@ from .model.scene import SceneData
 
 #: Elements beyond which the mesh is made coarser instead: time and memory grow with the square.
 MAX_ELEMENTS = 4000
+#: Share and number of elements that may be added where direct light changes.
+MORE, MORE_AT_LEAST = 0.5, 60
+#: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
+USUALLY_MORE = 0.2
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
 NODES = 2
 
@@ -21,6 +25,8 @@ NODES = 2
 _START = 0.5
 #: A pair of node and element, with the comparison with a coarser mesh: 0.2 … 0.3 µs.
 _PAIR = 3e-7
+#: A pair of element and lamp patch, to find where to cut, on two meshes.
+_LAMP = 1e-5
 #: A sensor, times the accuracy: lamps and surfaces, and besides them the sky.
 _SENSOR, _SENSOR_SKY = 2.5e-4, 1.2e-3
 #: A pixel of a camera: 2 µs on one core, the picture's file not counted.
@@ -40,7 +46,13 @@ class Budget:
     divisions : (p, 2) int array
         Elements of each patch along u and v.
     elements, receivers : int
-        Number of elements, and of sensors and nodes together.
+        Number of elements before refinement, and of sensors and nodes together.
+    most_elements : int
+        How many of them refinement may lead to.
+    misplaced : float
+        Share of the reflected direct light that the mesh may have in the wrong place.
+    distance : float
+        Distance between surfaces to which places are compared. [m]
     nodes : int
         Nodes a direction in each element.
     eps : float
@@ -64,6 +76,9 @@ class Budget:
     divisions: IntArray
     elements: int
     receivers: int
+    most_elements: int
+    misplaced: float
+    distance: float
     nodes: int
     eps: float
     lines: int
@@ -86,18 +101,26 @@ class Budget:
         extent = np.sort(high - low)
         middle = float(extent[1]) if extent[1] > 0.0 else float(extent[2])
         size = 0.09 * middle * math.sqrt(accuracy / 0.01)
-        return cls._with_size(scene, accuracy, min(max(size, middle / 24.0), 0.6 * middle))
+        size = min(max(size, middle / 24.0), 0.6 * middle)
+        return cls._with_size(scene, accuracy, size, accuracy, middle)
 
     def coarser(self, scene: SceneData) -> Budget:
         """The same with elements half as large again, to see what that changes."""
-        return self._with_size(scene, self.accuracy, 1.5 * self.size)
+        return self._scaled(scene, 1.5)
 
     def finer(self, scene: SceneData) -> Budget:
         """The same with elements two thirds as large."""
-        return self._with_size(scene, self.accuracy, self.size / 1.5)
+        return self._scaled(scene, 1.0 / 1.5)
+
+    def _scaled(self, scene: SceneData, factor: float) -> Budget:
+        # What is misplaced falls with the square of the size, as the error does.
+        misplaced = self.misplaced * factor**2
+        return self._with_size(scene, self.accuracy, factor * self.size, misplaced, self.distance)
 
     @classmethod
-    def _with_size(cls, scene: SceneData, accuracy: float, size: float) -> Budget:
+    def _with_size(
+        cls, scene: SceneData, accuracy: float, size: float, misplaced: float, distance: float
+    ) -> Budget:
         patches = scene.patches
         sides = 1 + np.asarray(scene.two_sided, dtype=np.int64)
         for _ in range(60):
@@ -116,6 +139,11 @@ class Budget:
             divisions=counts,
             elements=total,
             receivers=total * NODES**2 + sensors,
+            most_elements=max(
+                total, min(MAX_ELEMENTS, total + max(MORE_AT_LEAST, int(MORE * total)))
+            ),
+            misplaced=misplaced,
+            distance=distance,
             nodes=NODES,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
             lines=int(min(max(5.0 / accuracy, 48), 1024)),
@@ -134,6 +162,7 @@ class Budget:
         return {
             "accuracy": self.accuracy,
             "element_size_m": self.size,
+            "misplaced_flux": self.misplaced,
             "nodes_per_element": self.nodes**2,
             "form_factor_accuracy": self.eps,
             "meridians": self.lines,
@@ -151,8 +180,10 @@ class Budget:
 
         A mesh that is refined because the accuracy is not reached takes as much again or more.
         """
-        pairs = float(self.receivers) * self.elements
+        more = 1.0 + (USUALLY_MORE if scene.luminaires else 0.0)
+        pairs = float(self.receivers) * self.elements * more**2
+        cuts = _LAMP * self.elements * int((scene.luminaire_index >= 0).sum())
         sensor = _SENSOR if scene.sky is None else _SENSOR + _SENSOR_SKY
         sensors = sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
-        return _START + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
+        return _START + cuts + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels

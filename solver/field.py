@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .budget import Budget
-from .containment import Containment
 from .dome import dome_cells, gather, sun_cells
 from .exchange import Rows, Scan, make_sources
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
-from .mesh import make_elements
+from .mesher import Mesher
 from .model.arrays import FloatArray, MatrixArray
-from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky
@@ -29,9 +27,6 @@ from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
 from .topology import is_single
 
-#: Distance above a surface at which it is asked whether something lies on it, relative to the
-#: scene's size.
-CONTACT = 1e-5
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
 #: The same for the form factors above which pairs are traced.
@@ -41,8 +36,6 @@ BRIGHT = 4.0
 #: Error of factors told by one point against that of other unoccluded factors: it has either sign,
 #: and few elements come near to it.
 POINT_SHARE = 2.5
-#: Elements smaller than this share of the aimed size get a single node.
-SMALL = 0.2
 
 
 @dataclass(eq=False)
@@ -96,6 +89,8 @@ class Field:
         Light on the elements.
     reflected : dict of (n, b) arrays
         Reflected exitance by light group. [lm/m²]
+    misplaced : float
+        Share of the reflected light that the elements have in the wrong place.
     """
 
     surfaces: Surfaces
@@ -105,6 +100,7 @@ class Field:
     sees_out: bool
     light: Gathered
     reflected: dict[str, FloatArray]
+    misplaced: float = 0.0
 
     @property
     def all_reflected(self) -> FloatArray:
@@ -139,14 +135,14 @@ class FieldSolver:
         #: All there is is one convex cavity.
         self.in_cavity = is_single(blockers, blockers.hollow)
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
-        self._containment = Containment(scene)  # the same for every mesh
+        self._mesher = Mesher(scene, blockers, trace=trace, stages=stages)
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
 
     def solve(self, budget: Budget, *, name: str | None = None) -> Field:
         """Solve on the mesh of ``budget``; one stage of that ``name``, or several of their own."""
         with self.stages.run(name or "elements"):
-            elements = self._elements(budget)
+            elements, misplaced = self._mesher.elements(budget)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
             sources, lifts = self._sources(budget, surfaces)
         receivers = Receivers.of_elements(elements)
@@ -165,7 +161,9 @@ class FieldSolver:
             )
         self.stages.count({"matrix_products": products})
         gathered = self._gathered(light, rows, surfaces, reflected)
-        return Field(surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected)
+        return Field(
+            surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected, misplaced
+        )
 
     def gather(self, grid: Sensors, budget: Budget, field: Field) -> Gathered:
         """Direct light at the sensors themselves, indirect light from the elements."""
@@ -206,22 +204,6 @@ class FieldSolver:
             exitance += reflected[group]
         sampled = rows.variance_of(luminous(exitance)) + light.variance
         return Gathered(components, np.sqrt(sampled))
-
-    def _elements(self, budget: Budget) -> Elements:
-        scene = self.scene
-        elements = make_elements(
-            scene.patches,
-            scene.two_sided,
-            budget.divisions,
-            nodes=budget.nodes,
-            small=(SMALL * budget.size) ** 2,
-        )
-        low, high = scene.patches.bounds()
-        distance = CONTACT * float(np.linalg.norm(high - low))
-        buried = self._containment.buried(
-            elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3), distance
-        )
-        return replace(elements, buried=buried.reshape(elements.weights.shape))
 
     def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
         """Elements as sources, and how far their facets leave them.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,6 +50,58 @@ def divisions(patches: PatchSet, size: float) -> IntArray:
     return np.maximum(1, np.maximum(by_size, by_turn)).astype(np.int64)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Boxes:
+    """Parameter boxes that the lit sides of all patches are cut into, sorted by patch and side.
+
+    Attributes
+    ----------
+    patch, side : (n,) int array
+        Row of the patch, and 0 on its + side, 1 on its − side.
+    ends : (n, 4) array
+        u0, u1, v0, v1 in the patch's parameters; those of one side fill it without overlap.
+    """
+
+    patch: IntArray
+    side: IntArray
+    ends: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.patch)
+
+    def take(self, rows: IntArray) -> Boxes:
+        """Some of them."""
+        return Boxes(self.patch[rows], self.side[rows], self.ends[rows])
+
+    def joined(self, others: Boxes) -> tuple[Boxes, IntArray]:
+        """These and ``others``, sorted, and the row of each when one follows the other."""
+        both = Boxes(
+            np.append(self.patch, others.patch),
+            np.append(self.side, others.side),
+            np.concatenate([self.ends, others.ends]),
+        )
+        order = np.lexsort((both.ends[:, 2], both.ends[:, 0], both.side, both.patch))
+        return both.take(order), order
+
+    @classmethod
+    def regular(cls, counts: IntArray, two_sided: IntArray) -> Boxes:
+        """``counts`` (p, 2) equal boxes along u and v on every side that light can reach."""
+        counts, sides = (
+            np.asarray(counts, dtype=np.int64),
+            1 + np.asarray(two_sided, dtype=np.int64),
+        )
+        total = counts.prod(axis=1)
+        patch = np.repeat(np.arange(len(counts)), total * sides)
+        place = np.arange(len(patch)) - np.repeat(
+            np.cumsum(total * sides) - total * sides, total * sides
+        )
+        side, place = np.divmod(place, total[patch])
+        i, j = np.divmod(place, counts[patch, 1])
+        # Ends as neighbours have them, to the bit.
+        ends = [(k + s) / counts[patch, axis] for axis, k in ((0, i), (1, j)) for s in (0, 1)]
+        return cls(patch, side, np.stack(ends, axis=1))
+
+
 def make_elements(
     patches: PatchSet,
     two_sided: IntArray,
@@ -57,11 +110,15 @@ def make_elements(
     nodes: int = 2,
     small: float = 0.0,
 ) -> Elements:
-    """Cut every patch into ``counts[p]`` elements with ``nodes`` x ``nodes`` inset Gauss nodes.
+    """Cut every patch into ``counts[p]`` equal elements; see `elements_on`."""
+    return elements_on(patches, Boxes.regular(counts, two_sided), nodes=nodes, small=small)
 
-    Two-sided patches get elements on both sides. Elements of an area below ``small`` [m²] have
-    one node in their middle; the weights of their other nodes are 0. The result is sorted by patch
-    and side.
+
+def elements_on(patches: PatchSet, boxes: Boxes, *, nodes: int = 2, small: float = 0.0) -> Elements:
+    """Elements over ``boxes`` with ``nodes`` x ``nodes`` inset Gauss nodes.
+
+    Elements of an area below ``small`` [m²] have one node in their middle; the weights of their
+    other nodes are 0.
 
     Raises
     ------
@@ -71,23 +128,11 @@ def make_elements(
     if len(patches) == 0:
         raise GeometryError("the scene has no surfaces")
     rule, weight = gauss_rule(nodes)
-    index, side, boxes = [], [], []
-    for p, (nu, nv) in enumerate(np.asarray(counts).tolist()):
-        cuts_u, cuts_v = np.linspace(0.0, 1.0, nu + 1), np.linspace(0.0, 1.0, nv + 1)
-        cells = [
-            (cuts_u[i], cuts_u[i + 1], cuts_v[j], cuts_v[j + 1])
-            for i in range(nu)
-            for j in range(nv)
-        ]
-        for s in (0, 1) if two_sided[p] else (0,):
-            boxes.extend(cells)
-            index.extend([p] * len(cells))
-            side.extend([s] * len(cells))
-    all_boxes, patch, turned = np.array(boxes), np.array(index), np.array(side) == 1
+    patch, turned = boxes.patch, boxes.side == 1
     all_nets = patches.control_points[patch]
     # A patch that is one element keeps its net to the bit.
-    cut = np.flatnonzero((np.asarray(counts).prod(axis=1) > 1)[patch])
-    all_nets[cut] = sub_nets(all_nets[cut], all_boxes[cut])
+    cut = np.flatnonzero((boxes.ends != (0.0, 1.0, 0.0, 1.0)).any(axis=1))
+    all_nets[cut] = sub_nets(all_nets[cut], boxes.ends[cut])
     all_nets[turned] = all_nets[turned][:, ::-1]
     u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
     rule_weight = np.outer(weight, weight).ravel()
@@ -96,11 +141,11 @@ def make_elements(
     length = np.linalg.norm(normals, axis=2)
     bad = np.flatnonzero(~(length > 0.0).all(axis=1))
     if bad.size:
-        raise GeometryError(f"patch {index[bad[0]]}: it has no area near an edge")
+        raise GeometryError(f"patch {patch[bad[0]]}: it has no area near an edge")
     normals, weights = normals / length[:, :, None], length * rule_weight
     area = areas(all_nets)
     if not (area > 0.0).all():
-        raise GeometryError(f"patch {index[int(np.argmin(area))]}: its area is zero")
+        raise GeometryError(f"patch {patch[int(np.argmin(area))]}: its area is zero")
     weights *= (area / weights.sum(axis=1))[:, None]
     for row in np.flatnonzero(area < small) if nodes > 1 else ():
         at, su, sv = tangents(all_nets[row], 0.5, 0.5)
@@ -110,8 +155,8 @@ def make_elements(
     return Elements(
         nets=all_nets,
         patch_index=patch,
-        side=np.array(side),
-        boxes=all_boxes,
+        side=boxes.side,
+        boxes=boxes.ends,
         nodes=points,
         normals=normals,
         weights=weights,

@@ -86,3 +86,11 @@ class Surfaces:
         """Emitted exitance (n, b) of one light group. [lm/m²]"""
         rows = [k for k, lamp in enumerate(scene.luminaires) if lamp.group == group]
         return np.where(np.isin(self.lamp, rows)[:, None], self.emitted, 0.0)
+
+
+def reflectances(scene: SceneData) -> FloatArray:
+    """Luminous diffuse reflectance (p, 2) of both sides of every patch."""
+    out = np.zeros(scene.material_index.shape)
+    for row, m in enumerate(scene.materials):
+        out[scene.material_index == row] = m.luminous_reflectance
+    return out

@@ -72,7 +72,7 @@ def make_facets(
     Patches that are neither closed nor lit from both sides hide with their backs too: these panels
     belong to no element.
     """
-    element, boxes = _facet_boxes(elements)
+    element, boxes = _in_grids(elements, patch_nets, *_facet_boxes(elements))
     patch = elements.patch_index[element]
     u, v = boxes[:, [0, 1, 1, 0]], boxes[:, [2, 2, 3, 3]]
     keys = np.stack([np.repeat(patch, 4).astype(np.float64), u.ravel(), v.ravel()], axis=1)
@@ -121,6 +121,40 @@ def _facet_boxes(elements: Elements) -> tuple[IntArray, FloatArray]:
     element = np.concatenate(owner)
     order = np.argsort(element, kind="stable")
     return element[order], np.concatenate(boxes)[order]
+
+
+def _in_grids(
+    elements: Elements, patch_nets: FloatArray, element: IntArray, boxes: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """The same facets, cut along all lines of their side where it is flat and straight.
+
+    There they then make up one panel with a grid, several cells of which may belong to an element,
+    however unlike the elements are.
+    """
+    key = elements.patch_index[element] * 2 + elements.side[element]
+    sides, first, count = np.unique(key, return_index=True, return_counts=True)
+    straight = _flat_and_straight(patch_nets[sides // 2])
+    owner, cut = [element], [boxes]
+    kept = np.ones(len(element), dtype=bool)
+    for k in np.flatnonzero(straight & (count > 1)):
+        rows = slice(first[k], first[k] + count[k])
+        u, v = (np.unique(boxes[rows, at : at + 2]) for at in (0, 2))
+        if count[k] == (len(u) - 1) * (len(v) - 1):
+            continue
+        kept[rows] = False
+        ends = [
+            np.searchsorted(line, boxes[rows, at]) for line, at in ((u, 0), (u, 1), (v, 2), (v, 3))
+        ]
+        own = np.empty((len(u) - 1, len(v) - 1), dtype=np.int64)
+        for e, i0, i1, j0, j1 in zip(element[rows], *ends, strict=True):
+            own[i0:i1, j0:j1] = e
+        i, j = (g.ravel() for g in np.indices(own.shape))
+        owner.append(own.ravel())
+        cut.append(np.stack([u[i], u[i + 1], v[j], v[j + 1]], axis=1))
+    owner[0], cut[0] = element[kept], boxes[kept]
+    element, boxes = np.concatenate(owner), np.concatenate(cut)
+    order = np.argsort(element, kind="stable")
+    return element[order], boxes[order]
 
 
 def _pack(

@@ -99,7 +99,7 @@ def share_grids(sources, lines, found):
             left_u = _column(moment, u_first, nu - 1, d0, d1, d2, high) - i
             left_v = _column(moment, v_first, nv - 1, d0, d1, d2, high) - j
             m, at = above[k, height_bin(low)], low
-            tu, tv = -1.0, -1.0
+            tu, tv, last = -1.0, -1.0, -1
             for _ in range(abs(left_u) + abs(left_v) + 1):
                 # Where the chord leaves the cell.
                 if tu < 0.0:
@@ -116,7 +116,9 @@ def share_grids(sources, lines, found):
                 if until > at + 1e-13 * (1.0 + at):
                     e = elements[cell + i * nv + j]
                     covered[e] += carried(at, until)
-                    hits[e] += 1.0
+                    # Of elements that several cells belong to, too, a chord is one hit.
+                    hits[e] += 1.0 if e != last else 0.0
+                    last = e
                     while m < start[k + 1] and piece[m, 1] <= at:
                         m += 1
                     q = m

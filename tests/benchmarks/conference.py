@@ -98,10 +98,9 @@ def mesh_to(patches: PatchSet, elements: int) -> IntArray:
 def budget_on(scene: SceneData, accuracy: float, counts: IntArray, nodes: int) -> Budget:
     """The tolerances of ``accuracy`` on a mesh that does not follow from it."""
     total = int(counts.prod(axis=1).sum())
-    # Size 0: no element is so small that it gets fewer nodes than the others.
-    return dataclasses.replace(
-        Budget.of(scene, accuracy), divisions=counts, elements=total, nodes=nodes, size=0.0
-    )
+    # Size 0: no element is so small that it gets fewer nodes than the others. None is added.
+    mesh = {"divisions": counts, "elements": total, "most_elements": total, "size": 0.0}
+    return dataclasses.replace(Budget.of(scene, accuracy), nodes=nodes, **mesh)
 
 
 def solve(job: Job) -> Solved:

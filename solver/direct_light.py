@@ -1,0 +1,89 @@
+"""Direct light of the lamps at many points, as well as it takes to decide where to cut."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .exchange import form_factor_matrix, make_sources
+from .kernels.pyramid import Blockers
+from .mesh import Boxes, elements_on
+from .model.arrays import FloatArray, IntArray
+from .model.scene import SceneData
+from .raycast import RayCaster
+
+#: Relative accuracy of unoccluded form factors: a hundredth of the light decides no cut.
+EPS = 1e-2
+#: Pairs of point and lamp at a time: some 60 MB.
+PAIRS = 2_000_000
+#: Share of a point's light below which it is not asked whether a lamp is in sight.
+FAINT = 0.02
+#: Distance above a surface from which rays start, relative to the scene's size, and the share of
+#: their way after which they have reached the lamp.
+LIFT, REACHED = 1e-5, 0.999
+
+
+class DirectLight:
+    """Light of all lamps: exact unoccluded form factors, and one ray to the middle of each patch.
+
+    Parameters
+    ----------
+    scene : SceneData
+        Geometry and lamps.
+    blockers : Blockers
+        Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    """
+
+    def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool) -> None:
+        self.blockers = blockers
+        patch, side = np.nonzero(scene.luminaire_index >= 0)
+        whole = np.tile((0.0, 1.0, 0.0, 1.0), (len(patch), 1))
+        lamps = elements_on(scene.patches, Boxes(patch, side, whole))
+        self._areas, self._middles = lamps.areas, lamps.nodes.mean(axis=1)
+        levels = np.array([lamp.exitance_lm_m2 for lamp in scene.luminaires])
+        self._exitance = levels[scene.luminaire_index[patch, side]]
+        nets = scene.patches.control_points
+        self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
+        self._caster = RayCaster(scene.patches) if trace else None
+        low, high = scene.patches.bounds()
+        self._lift = LIFT * float(np.linalg.norm(high - low))
+
+    def at(
+        self, points: FloatArray, normals: FloatArray, patches: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Illuminance [lx] and nearness [1/m] of lamps at points (m, 3) on ``patches`` (m,).
+
+        Nearness is the sum of form factor over distance of the lamps in sight, each taken for a
+        disc F = R² / (R² + d²) of its area.
+        """
+        light, nearness = np.empty((2, len(points)))
+        step = max(1, PAIRS // len(self._areas))
+        for start in range(0, len(points), step):
+            some = slice(start, start + step)
+            light[some], nearness[some] = self._at(points[some], normals[some], patches[some])
+        return light, nearness
+
+    def _at(
+        self, points: FloatArray, normals: FloatArray, patches: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        factors = form_factor_matrix(
+            points[:, None],
+            normals[:, None],
+            np.ones((len(points), 1)),
+            patches,
+            self._sources,
+            self.blockers,
+            eps=EPS,
+            trace=False,
+        ).factors
+        if self._caster is not None:
+            light = factors * self._exitance
+            row, lamp = np.nonzero(light > FAINT * light.sum(axis=1, keepdims=True))
+            start = points[row] + self._lift * normals[row]
+            way = self._middles[lamp] - start
+            hidden = self._caster.any_hit(start, way, t_max=REACHED)
+            factors[row[hidden], lamp[hidden]] = 0.0
+        share = np.clip(factors, 1e-12, 1.0 - 1e-6)
+        distance = np.sqrt(self._areas / np.pi * (1.0 / share - 1.0))
+        return factors @ self._exitance, (factors / distance).sum(axis=1)

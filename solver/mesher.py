@@ -1,0 +1,88 @@
+"""The meshes of one scene: equal boxes by the budget, cut where the light of the lamps changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .budget import Budget
+from .containment import Containment
+from .direct_light import DirectLight
+from .kernels.pyramid import Blockers
+from .memory import fits
+from .mesh import Boxes, elements_on
+from .model.elements import Elements
+from .model.scene import SceneData
+from .refinement import Refiner
+from .stages import Stages
+from .surfaces import reflectances
+
+#: Distance above a surface at which it is asked whether something lies on it, relative to the
+#: scene's size.
+CONTACT = 1e-5
+#: Shining patches that are never too many to look where their light changes.
+MANY_LAMPS = 200
+#: Elements smaller than this share of the aimed size get a single node.
+SMALL = 0.2
+
+
+class Mesher:
+    """Makes meshes of different size.
+
+    Parameters
+    ----------
+    scene : SceneData
+        What is meshed.
+    blockers : Blockers
+        Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    stages : Stages
+        Receives counters.
+    """
+
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        self._containment = Containment(scene)  # the same for every mesh
+        self._refiner: Refiner | None = None
+
+    def elements(self, budget: Budget) -> tuple[Elements, float]:
+        """Elements of the size that ``budget`` asks for, or smaller.
+
+        Also the share of the reflected light that they have in the wrong place.
+        """
+        scene = self.scene
+        boxes, misplaced = self.boxes(budget)
+        small = (SMALL * budget.size) ** 2
+        elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
+        low, high = scene.patches.bounds()
+        distance = CONTACT * float(np.linalg.norm(high - low))
+        buried = self._containment.buried(
+            elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3), distance
+        )
+        return replace(elements, buried=buried.reshape(elements.weights.shape)), misplaced
+
+    def boxes(self, budget: Budget) -> tuple[Boxes, float]:
+        """The parameter boxes of these elements, and the same share."""
+        boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
+        most = budget.most_elements
+        lamps = int((self.scene.luminaire_index >= 0).sum())
+        if most <= len(boxes) or lamps == 0 or not fits(most):
+            return boxes, 0.0
+        if lamps > max(MANY_LAMPS, len(boxes) // 5):
+            # To look at 20 points of each element would cost more than the form factors.
+            self.stages.skipped["refinement"] = (
+                f"{lamps} shining patches light {len(boxes)} elements"
+            )
+            return boxes, 0.0
+        self.stages.skipped.pop("refinement", None)  # of a coarser mesh
+        if self._refiner is None:
+            light = DirectLight(self.scene, self.blockers, trace=self.trace)
+            rho = reflectances(self.scene)
+            self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
+        cut, misplaced = self._refiner.refine(boxes, budget.misplaced, most)
+        self.stages.count({"elements_added": len(cut) - len(boxes)})
+        return cut, misplaced

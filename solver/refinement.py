@@ -1,0 +1,170 @@
+"""Boxes cut where direct light changes.
+
+An element sends light on as if it came evenly from all of it. What of the reflected light is then
+in the wrong place, ρ ∫ |E − Ē| dA, matters as far as it is moved against the distance to what it
+falls on: by h/d of it where d is large, and wholly in a gap that is narrower than the element.
+What the few nodes of the element make of its mean is wrong besides.
+Light that changes gradually is left to the size of the mesh; what stands out is cut, until what is
+misplaced in all is the share that the accuracy allows. Each cut is put where it leaves the least
+variance on both sides, as in regression trees [1]: so that it finds the edge of a shadow, or of the
+gap over a lamp, instead of closing in on it by halves.
+
+References
+----------
+.. [1] L. Breiman, J. Friedman, R. Olshen and C. Stone, "Classification and Regression Trees",
+   Wadsworth, 1984, section 8.4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .budget import NODES
+from .direct_light import DirectLight
+from .mesh import Boxes
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import gauss_rule, surface_points
+from .model.patches import PatchSet
+
+#: Gauss points a direction at which the light in a box is looked at: what lies within a fourteenth
+#: of it from its sides is not seen.
+LOOK = gauss_rule(4)
+#: Equal parts a direction between which a box is cut.
+CUT = 8
+#: Weight of light that the nodes add or lose against light in the wrong place: it is wrong for all
+#: that is lit from there, and at a reflectance of a half what comes of it is twice as much.
+LOST = 2.0
+#: Rounds of cutting: two find an edge to a 64th of a box.
+ROUNDS = 12
+
+
+class Refiner:
+    """Cuts the boxes of one scene.
+
+    Parameters
+    ----------
+    patches : PatchSet
+        The surfaces.
+    reflectance : (p, 2) array
+        Diffuse reflectance of both sides.
+    light : DirectLight
+        What falls on them.
+    distance : float
+        Distance to what their light falls on, where no lamp is nearer. [m]
+    """
+
+    def __init__(
+        self, patches: PatchSet, reflectance: FloatArray, light: DirectLight, distance: float
+    ) -> None:
+        self.patches, self.reflectance = patches, reflectance
+        self.light, self.distance = light, distance
+
+    def refine(self, boxes: Boxes, allowed: float, most: int) -> tuple[Boxes, float]:
+        """Cut ``boxes`` until the share ``allowed`` of the reflected light is misplaced.
+
+        No more than ``most`` boxes are made. Returns them and the share that is left, which is
+        about the relative error of light that has been reflected.
+        """
+        wrong, flux = self._judge(boxes)
+        total = float(flux.sum())
+        for _ in range(ROUNDS):
+            order = np.argsort(-wrong, kind="stable")
+            # The fewest boxes without which the rest is good enough.
+            rest = np.cumsum(wrong[order][::-1])[::-1]
+            count = int(np.searchsorted(-rest, -allowed * total))
+            count = min(count, most - len(boxes))
+            if count <= 0:
+                break
+            chosen = np.sort(order[:count])
+            halves = self._cut(boxes.take(chosen))
+            kept = np.setdiff1d(np.arange(len(boxes)), chosen)
+            wrong = np.append(wrong[kept], self._judge(halves)[0])
+            boxes, order = boxes.take(kept).joined(halves)
+            wrong = wrong[order]
+        return boxes, float(wrong.sum()) / total if total > 0.0 else 0.0
+
+    def _judge(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
+        """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]"""
+        light, nearness, areas, lengths = self._light(boxes, *LOOK)
+        told, _, shares, _ = self._light(boxes, *gauss_rule(NODES))
+        total = areas.sum(axis=1)
+        mean = np.einsum("nk,nk->n", light, areas) / total
+        lost = np.abs(np.einsum("nk,nk->n", told, shares) / shares.sum(axis=1) - mean) * total
+        off = np.einsum("nk,nk->n", np.abs(light - mean[:, None]), areas)
+        near = 1.0 / self.distance + np.einsum("nk,nk->n", nearness, areas) / total
+        moved = off * np.minimum(1.0, lengths.max(axis=1) * near)
+        rho = self.reflectance[boxes.patch, boxes.side]
+        return rho * (moved + LOST * lost), rho * mean * total
+
+    def _cut(self, boxes: Boxes) -> Boxes:
+        """Both parts of every box, one after the other."""
+        light, _, areas, _ = self._light(boxes, *_equal(CUT))
+        axis, place = best_cut(light.reshape(-1, CUT, CUT), areas.reshape(-1, CUT, CUT))
+        rows, ends = np.arange(len(boxes)), np.repeat(boxes.ends[:, None], 2, axis=1)
+        low, high = boxes.ends[rows, 2 * axis], boxes.ends[rows, 2 * axis + 1]
+        middle = low + (high - low) * (place / CUT)
+        ends[rows, 0, 2 * axis + 1] = ends[rows, 1, 2 * axis] = middle
+        patch, side = np.repeat(boxes.patch, 2), np.repeat(boxes.side, 2)
+        return Boxes(patch, side, ends.reshape(-1, 4))
+
+    def _light(
+        self, boxes: Boxes, t: FloatArray, weight: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Illuminance, nearness and area (n, k²) at k x k places of boxes, and lengths (n, 2)."""
+        points, normals, areas, lengths = _points(self.patches, boxes, t, weight)
+        k = areas.shape[1]
+        patch = np.repeat(boxes.patch, k)
+        found = self.light.at(points.reshape(-1, 3), normals.reshape(-1, 3), patch)
+        light, nearness = (values.reshape(-1, k) for values in found)
+        return light, nearness, areas, lengths
+
+
+def best_cut(light: FloatArray, areas: FloatArray) -> tuple[IntArray, IntArray]:
+    """Where to cut boxes in two so that the variance left in both parts is least.
+
+    Parameters
+    ----------
+    light, areas : (n, k, k) array
+        Illuminance [lx] of, and area [m²] about, the middles of k x k equal parts.
+
+    Returns
+    -------
+    axis, place : (n,) int arrays
+        0 for a cut across u, 1 across v, and how many parts lie before it, 1 … k − 1. Light that
+        is even all over is halved.
+    """
+    k = light.shape[1]
+    gains = []
+    for across in (2, 1):
+        flux, area = (a.sum(axis=across).cumsum(axis=1) for a in (light * areas, areas))
+        after = flux[:, -1:] - flux[:, :-1], area[:, -1:] - area[:, :-1]
+        before = flux[:, :-1], area[:, :-1]
+        # Parts at a side collapsed to a point may have no area, and then no light.
+        gains.append(sum(f**2 / np.maximum(a, 1e-300) for f, a in (before, after)))
+    gain = np.stack(gains, axis=1)
+    # Rounding must not choose between cuts that are as good: the middlemost is taken.
+    gain *= 1.0 - 1e-9 * np.abs(np.arange(1, k) / k - 0.5)
+    axis, place = np.divmod(np.argmax(gain.reshape(len(gain), -1), axis=1), k - 1)
+    return axis, place + 1
+
+
+def _equal(k: int) -> tuple[FloatArray, FloatArray]:
+    """Middles and weights (k,) of equal parts."""
+    return (np.arange(k) + 0.5) / k, np.full(k, 1.0 / k)
+
+
+def _points(
+    patches: PatchSet, boxes: Boxes, t: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Points (n, k², 3) of a rule (k,) in boxes, normals, areas, and lengths (n, 2)."""
+    s = [g.ravel() for g in np.meshgrid(t, t, indexing="ij")]
+    share = np.outer(weight, weight).ravel()
+    low, step = boxes.ends[:, ::2], boxes.ends[:, 1::2] - boxes.ends[:, ::2]
+    u, v = (low[:, axis, None] + step[:, axis, None] * s[axis] for axis in (0, 1))
+    points, su, sv = surface_points(patches.control_points[boxes.patch], u, v)
+    normals = np.cross(su, sv)
+    size = np.linalg.norm(normals, axis=2)
+    normals /= np.maximum(size, 1e-300)[:, :, None]
+    normals[boxes.side == 1] *= -1.0
+    run = np.stack([np.linalg.norm(d, axis=2).mean(axis=1) for d in (su, sv)], axis=1)
+    return points, normals, size * share * step.prod(axis=1)[:, None], run * step
