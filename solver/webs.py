@@ -1,0 +1,326 @@
+"""Direct light of lamps with photometric webs, from their true surfaces.
+
+What an element of such a lamp gives to a receiver is its visible form factor, which is known, times
+π times the mean luminance at which the receiver sees it (`kernels.webs`). Where an element is
+partly hidden, the mean over what is seen may be another one: by at most the span of its luminances.
+That is stated as an error, and where it matters the elements are cut finer and traced again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from .exchange import Rows, form_factor_matrix, make_sources
+from .kernels.pyramid import Blockers
+from .kernels.webs import LEAST, LIGHT, MOST, SAMPLES, VIEW, WebTables, luminances, web_rows
+from .mesh import make_elements
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import surface_points
+from .model.elements import Elements
+from .model.scene import SceneData
+from .surfaces import Receivers
+from .topology import bounding_spheres, writable
+from .web_shape import WebShape, web_directions
+
+#: Cells of the quadrature over a lamp span at most that many steps of its web, which their points
+#: are a quarter of, and this much. [rad]
+_STEPS, _NARROW, _WIDE = 4.0, 0.05, 0.5
+#: How often an element is quartered for its mean luminance.
+_LEVELS = 8
+#: Pieces of a lamp beyond which it is not cut finer.
+_MOST_PIECES = 4096
+#: Share of an element that may be hidden without mention: below it is quadrature.
+_WHOLE = 2e-3
+#: `kernels.rows.how_to_see` asks a twentieth of the digits of the hemisphere; and what is enough.
+_DIGITS, _LEAST_EPS = 20.0, 1e-11
+#: Change of the intensity between neighbouring angles, against the largest, that makes a web sharp.
+_SHARP = 0.1
+#: Light below this share of the receivers' mean needs no accuracy of its own.
+_FLOOR = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WebPieces:
+    """Pieces of one lamp's emitting faces; row j of every array is the same piece.
+
+    Attributes
+    ----------
+    nets : (k, 4, 4, 4) array
+        +normal towards the emitting side.
+    spheres : (k, 4) array
+        Bounding spheres.
+    points, areas : (k, SAMPLES, 3) array
+        Points on them [m] and area vectors [m²], as `kernels.webs` wants them.
+    """
+
+    nets: FloatArray
+    spheres: FloatArray
+    points: FloatArray
+    areas: FloatArray
+
+    @classmethod
+    def of(cls, nets: FloatArray) -> WebPieces:
+        low, high = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
+        squares = [(0.0, 0.0, 1.0)] + [(0.5 * (k // 2), 0.5 * (k % 2), 0.5) for k in range(4)]
+        at = np.array(
+            [(u + s * a, v + s * b, 0.25 * s * s) for u, v, s in squares for a in (low, high)
+             for b in (low, high)]
+        )  # fmt: skip
+        shape = (len(nets), SAMPLES)
+        points, su, sv = surface_points(
+            nets, np.broadcast_to(at[:, 0], shape), np.broadcast_to(at[:, 1], shape)
+        )
+        return cls(nets, bounding_spheres(nets), points, np.cross(su, sv) * at[:, 2, None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WebLight:
+    """Direct light of one lamp on some receivers.
+
+    Attributes
+    ----------
+    illuminance : (m,) array
+        [lx]
+    variance : (m,) array
+        Of what was sampled, and of partly hidden elements. [lx²]
+    partly : (m,) array
+        Standard deviation by partly hidden elements alone. [lx]
+    """
+
+    illuminance: FloatArray
+    variance: FloatArray
+    partly: FloatArray
+
+    def put(self, rows: IntArray, other: WebLight) -> WebLight:
+        """This light with that of ``other`` at ``rows``."""
+        values = {f.name: getattr(self, f.name).copy() for f in fields(self)}
+        for name, array in values.items():
+            array[rows] = getattr(other, name)
+        return WebLight(**values)
+
+
+class WebLamp:
+    """A lamp with a photometric web.
+
+    Parameters
+    ----------
+    scene : SceneData
+        The scene.
+    row : int
+        Row of its luminaires.
+    accuracy : float
+        Relative accuracy of the simulation.
+    """
+
+    def __init__(self, scene: SceneData, row: int, accuracy: float) -> None:
+        self.scene, self.row = scene, row
+        self.luminaire = scene.luminaires[row]
+        if self.luminaire.web is None:
+            raise TypeError(f"{self.luminaire.part}: a lamp without a web")
+        self.web = self.luminaire.web
+        self.patches, self.sides = np.nonzero(scene.luminaire_index == row)
+        self.shape = WebShape.of(scene.patches.take(self.patches), self.sides == 1)
+        self.tables = self._tables()
+        self.step, self.sharp = _finest(self.tables)
+        self._angle = min(max(_STEPS * self.step, _NARROW), _WIDE)
+        self._tolerance = min(max(0.03 * accuracy, 1e-6), 1e-3)
+
+    def _tables(self) -> WebTables:
+        """For the kernels; the intensities are scaled so that the lamp emits its flux exactly."""
+        photometry = self.web.photometry
+        tables = WebTables(
+            axes=writable(self.web.axes),
+            c=np.radians(photometry.c_deg),
+            gamma=np.radians(photometry.gamma_deg),
+            candela=writable(photometry.candela),
+            flat=writable(self.shape.flat),
+            curved=writable(self.shape.curved_table(self.web)),
+            area=self.shape.area,
+        )
+        towards, solid, _ = web_directions(self.web, self.shape)
+        level = np.empty(len(towards))
+        luminances(tables, writable(towards), level)
+        emitted = float(level * solid @ self.shape.projected(towards))
+        scale = self.luminaire.flux_lm / emitted
+        return tables._replace(candela=tables.candela * scale)
+
+    def luminance(self, directions: FloatArray) -> FloatArray:
+        """Luminance (m,) of the lamp in unit directions (m, 3) that its light takes. [cd/m²]"""
+        out = np.empty(len(directions))
+        luminances(self.tables, writable(directions), out)
+        return out
+
+    def light(
+        self,
+        receivers: Receivers,
+        elements: Elements,
+        factors: FloatArray,
+        variances: FloatArray,
+        plain: FloatArray,
+    ) -> WebLight:
+        """Light on m receivers by the form factors (m, k) of the lamp's elements.
+
+        ``variances`` are theirs, and ``plain`` what they were if nothing were in the way.
+        """
+        from .kernels.threads import count_threads
+
+        pieces = WebPieces.of(elements.nets)
+        factors, variances = (np.asarray(a, dtype=np.float64) for a in (factors, variances))
+
+        found = np.empty((*factors.shape, 4))
+        web_rows(
+            writable(receivers.nodes),
+            writable(receivers.normals),
+            writable(receivers.weights),
+            np.asarray(factors > 0.0),
+            self.tables,
+            writable(pieces.nets),
+            writable(pieces.spheres),
+            writable(pieces.points),
+            writable(pieces.areas),
+            self._angle,
+            self._tolerance,
+            _LEVELS,
+            count_threads(),
+            found,
+        )
+        view = found[..., VIEW]
+        known = view > 0.0
+        level = np.where(known, math.pi * found[..., LIGHT] / np.where(known, view, 1.0), 0.0)
+        share = np.clip(factors / np.where(plain > 0.0, plain, np.inf), 0.0, 1.0)
+        share[share > 1.0 - _WHOLE] = 1.0
+        # The means of seen and hidden parts differ by no more than the span; half of it is taken
+        # for a standard deviation.
+        span = np.where(known, found[..., MOST] - np.where(known, found[..., LEAST], 0.0), 0.0)
+        partly = 0.5 * math.pi * plain * share * (1.0 - share) * span
+        return WebLight(
+            (factors * level).sum(axis=1),
+            (variances * level**2).sum(axis=1) + (partly**2).sum(axis=1),
+            np.sqrt((partly**2).sum(axis=1)),
+        )
+
+    def traced(
+        self,
+        receivers: Receivers,
+        blockers: Blockers,
+        counts: IntArray,
+        *,
+        eps: float,
+        cell_eps: float,
+        count: Callable[[dict[str, int]], None],
+    ) -> WebLight:
+        """Light by form factors of its own: every pair that something may hide goes by pyramids.
+
+        Parameters
+        ----------
+        receivers : Receivers
+            m receivers.
+        blockers : Blockers
+            All patches.
+        counts : (p, 2) int array
+            Pieces of each patch of the scene along u and v.
+        eps, cell_eps : float
+            As in `exchange.form_factor_matrix` and `exchange.make_sources`.
+        count : callable
+            Receives counters.
+        """
+        elements = self.elements(counts)
+        rows = self._rows(receivers, elements, blockers, eps, cell_eps)
+        count({"web_rows_traced": len(rows.factors), **rows.counters})
+        plain = self._rows(receivers, elements, blockers, eps, cell_eps, trace=False).factors
+        return self.light(receivers, elements, rows.factors, rows.variances, plain)
+
+    def plain_factors(
+        self, receivers: Receivers, elements: Elements, blockers: Blockers, *, eps: float
+    ) -> FloatArray:
+        """Form factors (m, k) of its elements if nothing were in the way."""
+        return self._rows(receivers, elements, blockers, eps, 1.0, trace=False).factors
+
+    def _rows(
+        self,
+        receivers: Receivers,
+        elements: Elements,
+        blockers: Blockers,
+        eps: float,
+        cell_eps: float,
+        *,
+        trace: bool = True,
+    ) -> Rows:
+        nets = self.scene.patches.control_points
+        # Small elements get fewer digits the smaller they appear, being thought weak; here they are
+        # all the light there is.
+        spheres = bounding_spheres(elements.nets)
+        center = spheres[:, :3].mean(axis=0)
+        away = np.linalg.norm(receivers.nodes.reshape(-1, 3) - center, axis=1).max()
+        least = float((spheres[:, 3].min() / max(away, 1e-300)) ** 2)
+        eps *= min(1.0, _DIGITS * least)
+        # Cells of every element that are small against the whole of it, however small that appears.
+        cell_eps *= min(1.0, least)
+        return form_factor_matrix(
+            receivers.nodes,
+            receivers.normals,
+            receivers.weights,
+            receivers.patches,
+            make_sources(elements, nets, np.full(len(elements), cell_eps)),
+            blockers,
+            eps=max(eps, _LEAST_EPS),
+            trace=trace,
+        )
+
+    def refined(
+        self,
+        receivers: Receivers,
+        light: WebLight,
+        blockers: Blockers,
+        counts: IntArray,
+        *,
+        accuracy: float,
+        cuts: int,
+        eps: float,
+        cell_eps: float,
+        count: Callable[[dict[str, int]], None],
+    ) -> WebLight:
+        """The light with pieces cut in four up to ``cuts`` times where partly hidden ones matter.
+
+        ``light`` is what was found with ``counts``; a standard deviation of ``accuracy``, relative
+        to the light, may stay. The rest is as in `traced`.
+        """
+        for cut in range(1, cuts + 1):
+            floor = _FLOOR * float(light.illuminance.mean())
+            found = np.flatnonzero(light.partly > accuracy * np.maximum(light.illuminance, floor))
+            finer = np.asarray(counts) * 2**cut
+            if not len(found) or int(finer[self.patches].prod(axis=1).sum()) > _MOST_PIECES:
+                break
+            better = self.traced(
+                receivers.take(found), blockers, finer, eps=eps, cell_eps=cell_eps, count=count
+            )
+            light = light.put(found, better)
+        return light
+
+    def elements(self, counts: IntArray) -> Elements:
+        """Its emitting sides, the patches of the scene being cut into ``counts`` (p, 2) pieces."""
+        patches = np.unique(self.patches)
+        own = make_elements(
+            self.scene.patches.take(patches),
+            self.scene.two_sided[patches],
+            np.asarray(counts)[patches],
+            nodes=1,
+        )
+        index = patches[own.patch_index]
+        kept = self.scene.luminaire_index[index, own.side] == self.row
+        values = {f.name: getattr(own, f.name)[kept] for f in fields(Elements)}
+        return replace(own, **{**values, "patch_index": index[kept]})
+
+
+def _finest(tables: WebTables) -> tuple[float, bool]:
+    """Least step in γ over which the intensity changes, and whether it changes by much. [rad]"""
+    peak = float(tables.candela.max())
+    change = np.abs(np.diff(tables.candela, axis=1)).max(axis=0) / peak
+    steps = np.diff(tables.gamma)
+    around = float(np.abs(np.diff(tables.candela, axis=0)).max()) / peak
+    bends = change > 0.5 * change.max()
+    return float(steps[bends].min()), bool(max(change.max(), around) > _SHARP)
