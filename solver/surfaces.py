@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
@@ -66,7 +67,7 @@ class Surfaces:
     emitted: FloatArray  # (n, b) mean over all directions [lm/m²]
     material: IntArray  # (n,) row of the scene's materials
     lamp: IntArray  # (n,) row of the scene's luminaires
-    web: IntArray  # (n,) whether it emits by a photometric web
+    web: NDArray[np.bool_]  # (n,) whether it emits by a photometric web
 
     @classmethod
     def of(cls, scene: SceneData, elements: Elements, bands: int) -> Surfaces:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .exchange import Rows, form_factor_matrix, make_sources
 from .kernels.pyramid import Blockers
@@ -158,8 +159,8 @@ class WebLamp:
         self,
         receivers: Receivers,
         elements: Elements,
-        factors: FloatArray,
-        variances: FloatArray,
+        factors: NDArray[np.floating],
+        variances: NDArray[np.floating],
         plain: FloatArray,
     ) -> WebLight:
         """Light on m receivers by the form factors (m, k) of the lamp's elements.
