@@ -125,7 +125,12 @@ class WebField:
             elements = lamp.elements(budget.divisions)
             plain = lamp.plain_factors(receivers, elements, self.blockers, eps=how["eps"])
             light = lamp.light(
-                receivers, elements, rows.factors[:, own], rows.variances[:, own], plain
+                receivers,
+                elements,
+                rows.factors[:, own],
+                rows.variances[:, own],
+                plain,
+                coarse=not fine,
             )
             if not fine:
                 for some, dense in _denser(lamp, surfaces.elements, elements):
@@ -135,6 +140,7 @@ class WebField:
                         rows.factors[np.ix_(some, own)],
                         rows.variances[np.ix_(some, own)],
                         plain[some],
+                        coarse=True,
                     )
                     light = light.put(some, better)
         if not self.trace:
@@ -164,9 +170,9 @@ def _denser(
     low, high = (own[:, :3] - own[:, 3:]).min(axis=0), (own[:, :3] + own[:, 3:]).max(axis=0)
     center, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
     away = np.linalg.norm(spheres[:, :3] - center, axis=1) - radius
-    # Where the lamp itself is wider than its web's steps, it blurs them.
-    wide = 2.0 * spheres[:, 3] / np.maximum(away, spheres[:, 3])
-    count = np.ceil(wide / lamp.step)
+    away = np.maximum(away, spheres[:, 3])
+    # Where the lamp itself appears wider than the steps of its web, it blurs them.
+    count = np.ceil(2.0 * spheres[:, 3] / np.maximum(lamp.step * away, 2.0 * radius))
     whole = ~receivers.buried.any(axis=1)
     for least, nodes in ((2.0, 4), (4.0, MOST_NODES)):
         most = np.inf if nodes == MOST_NODES else 4.0

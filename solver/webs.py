@@ -30,6 +30,9 @@ from .web_shape import WebShape, web_directions
 #: Cells of the quadrature over a lamp span at most that many steps of its web, which their points
 #: are a quarter of, and this much. [rad]
 _STEPS, _NARROW, _WIDE = 4.0, 0.05, 0.5
+#: Relative accuracy of mean luminances against that of the simulation, and how much less will do
+#: where many nodes are averaged.
+_SHARE, _COARSE = 0.03, 10.0
 #: How often an element is quartered for its mean luminance.
 _LEVELS = 8
 #: Pieces of a lamp beyond which it is not cut finer.
@@ -128,7 +131,7 @@ class WebLamp:
         self.tables = self._tables()
         self.step, self.sharp = _finest(self.tables)
         self._angle = min(max(_STEPS * self.step, _NARROW), _WIDE)
-        self._tolerance = min(max(0.03 * accuracy, 1e-6), 1e-3)
+        self._tolerance = min(max(_SHARE * accuracy, 1e-6), 1e-3)
 
     def _tables(self) -> WebTables:
         """For the kernels; the intensities are scaled so that the lamp emits its flux exactly."""
@@ -162,10 +165,13 @@ class WebLamp:
         factors: NDArray[np.floating],
         variances: NDArray[np.floating],
         plain: FloatArray,
+        *,
+        coarse: bool = False,
     ) -> WebLight:
         """Light on m receivers by the form factors (m, k) of the lamp's elements.
 
-        ``variances`` are theirs, and ``plain`` what they were if nothing were in the way.
+        ``variances`` are theirs, and ``plain`` what they were if nothing were in the way;
+        ``coarse`` is for receivers whose nodes and neighbours average the error.
         """
         from .kernels.threads import count_threads
 
@@ -183,8 +189,8 @@ class WebLamp:
             writable(pieces.spheres),
             writable(pieces.points),
             writable(pieces.areas),
-            self._angle,
-            self._tolerance,
+            self._angle * (2.0 if coarse else 1.0),
+            self._tolerance * (_COARSE if coarse else 1.0),
             _LEVELS,
             count_threads(),
             found,
@@ -252,15 +258,13 @@ class WebLamp:
         trace: bool = True,
     ) -> Rows:
         nets = self.scene.patches.control_points
-        # Small elements get fewer digits the smaller they appear, being thought weak; here they are
-        # all the light there is.
-        spheres = bounding_spheres(elements.nets)
-        center = spheres[:, :3].mean(axis=0)
-        away = np.linalg.norm(receivers.nodes.reshape(-1, 3) - center, axis=1).max()
-        least = float((spheres[:, 3].min() / max(away, 1e-300)) ** 2)
-        eps *= min(1.0, _DIGITS * least)
-        # Cells of every element that are small against the whole of it, however small that appears.
-        cell_eps *= min(1.0, least)
+        # Digits are asked relative to the hemisphere, since what is small is thought weak. Here it
+        # is all the light there is: what counts is the lamp as it appears from most receivers.
+        center = bounding_spheres(elements.nets)[:, :3].mean(axis=0)
+        away = float(np.median(np.linalg.norm(receivers.nodes[:, 0] - center, axis=1)))
+        appears = min(1.0, self.shape.area / (4.0 * math.pi * max(away, 1e-300) ** 2))
+        eps *= min(1.0, _DIGITS * appears)
+        cell_eps *= appears
         return form_factor_matrix(
             receivers.nodes,
             receivers.normals,
