@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from .exchange import Rows
 from .kernels.pyramid import Blockers
+from .kernels.webs import WebTables
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import gauss_rule, surface_points
 from .model.elements import Elements
@@ -19,12 +21,15 @@ from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .topology import bounding_spheres
 from .web_ledger import with_webs
-from .webs import WebLamp, WebLight
+from .webs import LEVELS, WebLamp, WebLight
 
 #: Standard deviation by partly hidden elements that may stay, against the accuracy, and how often
 #: these are cut in four: at elements, over which it is averaged, and at sensors.
 PARTLY, CUTS = 1.0, 1
 PARTLY_FINE, CUTS_FINE = 0.25, 3
+#: How often elements of lamps are quartered for their mean luminance at elements, and at those with
+#: many nodes.
+LEVELS_COARSE, LEVELS_DENSE = 3, 1
 #: Most nodes a direction on an element under a narrow beam.
 MOST_NODES = 8
 
@@ -51,11 +56,14 @@ class WebField:
         lamps = enumerate(scene.luminaires)
         self._rows = [row for row, lamp in lamps if lamp.web is not None and lamp.flux_lm > 0.0]
         self._lamps: dict[float, list[WebLamp]] = {}
+        self._tables: dict[tuple[object, ...], WebTables] = {}
 
     def lamps(self, accuracy: float) -> list[WebLamp]:
         """The lamps, ready for an accuracy."""
         if accuracy not in self._lamps:
-            self._lamps[accuracy] = [WebLamp(self.scene, row, accuracy) for row in self._rows]
+            self._lamps[accuracy] = [
+                WebLamp(self.scene, row, accuracy, self._tables) for row in self._rows
+            ]
         return self._lamps[accuracy]
 
     def in_ledger(
@@ -131,6 +139,7 @@ class WebField:
                 rows.variances[:, own],
                 plain,
                 coarse=not fine,
+                levels=LEVELS if fine else LEVELS_COARSE,
             )
             if not fine:
                 for some, dense in _denser(lamp, surfaces.elements, elements):
@@ -141,6 +150,7 @@ class WebField:
                         rows.variances[np.ix_(some, own)],
                         plain[some],
                         coarse=True,
+                        levels=LEVELS_DENSE,
                     )
                     light = light.put(some, better)
         if not self.trace:
@@ -166,13 +176,14 @@ def _denser(
     """
     if not lamp.sharp:
         return
-    spheres, own = bounding_spheres(receivers.nets), bounding_spheres(lamp_elements.nets)
-    low, high = (own[:, :3] - own[:, 3:]).min(axis=0), (own[:, :3] + own[:, 3:]).max(axis=0)
-    center, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-    away = np.linalg.norm(spheres[:, :3] - center, axis=1) - radius
-    away = np.maximum(away, spheres[:, 3])
-    # Where the lamp itself appears wider than the steps of its web, it blurs them.
-    count = np.ceil(2.0 * spheres[:, 3] / np.maximum(lamp.step * away, 2.0 * radius))
+    spheres = bounding_spheres(receivers.nets)
+    points = (lamp_elements.nets[..., :3] / lamp_elements.nets[..., 3:]).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    away = np.linalg.norm(spheres[:, :3] - 0.5 * (low + high), axis=1)
+    away = np.maximum(away - 0.5 * float(np.linalg.norm(high - low)), spheres[:, 3])
+    # What is finer than half the lamp is blurred by it.
+    blur = 0.5 * math.sqrt(lamp.shape.area)
+    count = np.ceil(2.0 * spheres[:, 3] / np.maximum(lamp.step * away, blur))
     whole = ~receivers.buried.any(axis=1)
     for least, nodes in ((2.0, 4), (4.0, MOST_NODES)):
         most = np.inf if nodes == MOST_NODES else 4.0

@@ -34,7 +34,7 @@ _STEPS, _NARROW, _WIDE = 4.0, 0.05, 0.5
 #: where many nodes are averaged.
 _SHARE, _COARSE = 0.03, 10.0
 #: How often an element is quartered for its mean luminance.
-_LEVELS = 8
+LEVELS = 8
 #: Pieces of a lamp beyond which it is not cut finer.
 _MOST_PIECES = 4096
 #: Share of an element that may be hidden without mention: below it is quadrature.
@@ -118,9 +118,17 @@ class WebLamp:
         Row of its luminaires.
     accuracy : float
         Relative accuracy of the simulation.
+    known : dict, optional
+        Tables of other lamps, which copies of a lamp share; added to.
     """
 
-    def __init__(self, scene: SceneData, row: int, accuracy: float) -> None:
+    def __init__(
+        self,
+        scene: SceneData,
+        row: int,
+        accuracy: float,
+        known: dict[tuple[object, ...], WebTables] | None = None,
+    ) -> None:
         self.scene, self.row = scene, row
         self.luminaire = scene.luminaires[row]
         if self.luminaire.web is None:
@@ -128,10 +136,22 @@ class WebLamp:
         self.web = self.luminaire.web
         self.patches, self.sides = np.nonzero(scene.luminaire_index == row)
         self.shape = WebShape.of(scene.patches.take(self.patches), self.sides == 1)
-        self.tables = self._tables()
+        known = {} if known is None else known
+        key = (id(self.web.photometry), self.luminaire.flux_lm, *self._shape_key())
+        if key not in known:
+            known[key] = self._tables()
+        self.tables = known[key]
         self.step, self.sharp = _finest(self.tables)
         self._angle = min(max(_STEPS * self.step, _NARROW), _WIDE)
         self._tolerance = min(max(_SHARE * accuracy, 1e-6), 1e-3)
+
+    def _shape_key(self) -> tuple[bytes, ...]:
+        """The same for copies of a lamp that are turned alike, wherever they are."""
+        directions = self.web.axes, self.shape.flat[:, :3], self.shape.facets[:, :3]
+        areas = np.concatenate([self.shape.flat[:, 3], self.shape.facets[:, 3]]) / self.shape.area
+        return tuple((np.round(a, 9) + 0.0).tobytes() for a in (*directions, areas)) + (
+            f"{self.shape.area:.9g}".encode(),
+        )
 
     def _tables(self) -> WebTables:
         """For the kernels; the intensities are scaled so that the lamp emits its flux exactly."""
@@ -167,11 +187,13 @@ class WebLamp:
         plain: FloatArray,
         *,
         coarse: bool = False,
+        levels: int = LEVELS,
     ) -> WebLight:
         """Light on m receivers by the form factors (m, k) of the lamp's elements.
 
         ``variances`` are theirs, and ``plain`` what they were if nothing were in the way;
-        ``coarse`` is for receivers whose nodes and neighbours average the error.
+        ``coarse`` is for receivers whose nodes and neighbours average the error, and ``levels`` is
+        how often an element is quartered at most.
         """
         from .kernels.threads import count_threads
 
@@ -191,7 +213,7 @@ class WebLamp:
             writable(pieces.areas),
             self._angle * (2.0 if coarse else 1.0),
             self._tolerance * (_COARSE if coarse else 1.0),
-            _LEVELS,
+            levels,
             count_threads(),
             found,
         )

@@ -159,6 +159,18 @@ def test_all_of_the_flux_is_emitted(name):
     assert total == pytest.approx(777.0, rel=1e-6 if name in FLAT else 2e-4)
 
 
+def test_copies_of_a_lamp_share_their_tables():
+    balls = [Body(PatchSet.sphere((x, 0.3, 0.1), 0.02)) for x in (0.0, 1.7)]
+    data = scene(setup(FLOOR, *balls), lamps=[(1, "a", 1.0), (2, "b", 1.0)], **BLACK)
+    photometry = uneven()
+    data = with_web(with_web(data, photometry), photometry, row=1)
+    known = {}
+    lamps = [WebLamp(data, row, 0.1, known) for row in (0, 1)]
+    assert len(known) == 1 and lamps[1].tables is lamps[0].tables
+    turned_web = with_web(data, photometry, row=1, c0=(0.0, 1.0, 0.0))
+    assert WebLamp(turned_web, 1, 0.1, known).tables is not lamps[0].tables
+
+
 def test_shapes_project_as_they_should():
     patches = SHAPES["rod"].patches
     shape = WebShape.of(patches, np.zeros(len(patches), bool))
