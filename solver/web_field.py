@@ -23,10 +23,11 @@ from .topology import bounding_spheres
 from .web_ledger import with_webs
 from .webs import LEVELS, WebLamp, WebLight
 
-#: Standard deviation by partly hidden elements that may stay, against the accuracy, and how often
-#: these are cut in four: at elements, over which it is averaged, and at sensors.
-PARTLY, CUTS = 1.0, 1
-PARTLY_FINE, CUTS_FINE = 0.25, 3
+#: Standard deviation by partly hidden elements that may stay at sensors, against the accuracy, and
+#: how often these are cut in four for it. Surface elements, over which it is averaged, state it.
+PARTLY, CUTS = 0.25, 3
+#: Lamps of equal flux beyond which their number no longer counts for the digits of one.
+MANY = 20.0
 #: How often elements of lamps are quartered for their mean luminance at elements, and at those with
 #: many nodes.
 LEVELS_COARSE, LEVELS_DENSE = 3, 1
@@ -116,6 +117,14 @@ class WebField:
                 tell(done + 1, len(lamps))
         return variance
 
+    def _coarser(self, lamp: WebLamp) -> float:
+        """How much larger its sampled cells may be than those of a lamp that is alone.
+
+        Sampling errors of lamps add as squares, and that of one goes with the root of its cells.
+        """
+        flux = sum(self.scene.luminaires[row].flux_lm for row in self._rows)
+        return min(MANY, flux / lamp.luminaire.flux_lm)
+
     def _light(
         self, lamp: WebLamp, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool
     ) -> WebLight:
@@ -123,7 +132,7 @@ class WebField:
         budget, receivers = asked.budget, asked.receivers
         how: dict[str, Any] = {
             "eps": budget.eps * (asked.share if self.trace else FINE_SHARE),
-            "cell_eps": budget.lamp_cell_eps,
+            "cell_eps": budget.lamp_cell_eps * self._coarser(lamp),
             "count": self.stages.count,
         }
         if self.trace and fine:
@@ -153,15 +162,15 @@ class WebField:
                         levels=LEVELS_DENSE,
                     )
                     light = light.put(some, better)
-        if not self.trace:
+        if not (self.trace and fine):
             return light
         return lamp.refined(
             receivers,
             light,
             self.blockers,
             budget.divisions,
-            accuracy=(PARTLY_FINE if fine else PARTLY) * budget.accuracy,
-            cuts=CUTS_FINE if fine else CUTS,
+            accuracy=PARTLY * budget.accuracy,
+            cuts=CUTS,
             **how,
         )
 
