@@ -10,7 +10,6 @@ import numpy as np
 
 from .exchange import Rows
 from .kernels.pyramid import Blockers
-from .kernels.webs import WebTables
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import gauss_rule, surface_points
 from .model.elements import Elements
@@ -21,7 +20,7 @@ from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .topology import bounding_spheres
 from .web_ledger import with_webs
-from .webs import LEVELS, WebLamp, WebLight
+from .webs import LEVELS, Known, WebLamp, WebLight
 
 #: Standard deviation by partly hidden elements that may stay at sensors, against the accuracy, and
 #: how often these are cut in four for it. Surface elements, over which it is averaged, state it.
@@ -57,7 +56,7 @@ class WebField:
         lamps = enumerate(scene.luminaires)
         self._rows = [row for row, lamp in lamps if lamp.web is not None and lamp.flux_lm > 0.0]
         self._lamps: dict[float, list[WebLamp]] = {}
-        self._tables: dict[tuple[object, ...], WebTables] = {}
+        self._tables: Known = {}
 
     def lamps(self, accuracy: float) -> list[WebLamp]:
         """The lamps, ready for an accuracy."""

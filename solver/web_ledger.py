@@ -17,11 +17,10 @@ from .model.result import Balance
 from .model.scene import SceneData
 from .raycast import RayCaster
 from .surfaces import Surfaces
-from .web_shape import web_directions
 from .webs import WebLamp
 
-#: Rays from each lamp; directions of all lamps at a time; nodes a direction on each emitting patch.
-RAYS, _BLOCK, _NODES = 1 << 14, 1 << 16, 8
+#: Rays from a lamp alone, and from each of many; rays at a time; nodes a direction on each patch.
+RAYS, _LEAST_RAYS, _BLOCK, _NODES = 1 << 14, 1 << 11, 1 << 16, 8
 #: Distance of a ray's start from the face it leaves, relative to the scene.
 _START = 1e-7
 #: Steps of a sequence that fills a square evenly: powers of 1/g, g³ = g + 1.
@@ -43,6 +42,7 @@ def with_webs(
     caster = RayCaster(scene.patches) if sees_out else None
     emitted = escaped = 0.0
     by_group = dict(balance.emitted_by_group)
+    rays = max(_LEAST_RAYS, RAYS // len(lamps))
     for done, lamp in enumerate(lamps):
         own = surfaces.lamp == lamp.row
         # Buried parts of elements emit nothing, as those of other lamps.
@@ -51,7 +51,7 @@ def with_webs(
         by_group[group] = by_group.get(group, 0.0) + flux
         emitted += flux
         if caster is not None:
-            escaped += flux * escaping_share(lamp, scene, caster)
+            escaped += flux * escaping_share(lamp, scene, caster, rays)
         tell(done + 1, len(lamps))
     return replace(
         balance,
@@ -76,12 +76,10 @@ def escaping_share(lamp: WebLamp, scene: SceneData, caster: RayCaster, rays: int
 
 def emitted_rays(lamp: WebLamp, scene: SceneData, rays: int) -> tuple[FloatArray, FloatArray]:
     """Origins and unit directions (rays, 3) of equal shares of a lamp's light."""
-    towards, solid, intensity = web_directions(lamp.web, lamp.shape)
-    seen = lamp.shape.projected(towards) > 0.0
     u = np.mod(0.5 + np.arange(1, rays + 1)[:, None] * _EVEN, 1.0)
     # One number for the direction at equal steps, the next for the place: together even.
     t = (np.arange(rays) + 0.5) / rays
-    directions = towards[_picked(np.where(seen, solid * intensity, 0.0), t)]
+    directions = lamp.towards[_picked(lamp.sent, t)]
     points, vectors = _places(lamp, scene)
     origins = np.empty((rays, 3))
     for first in range(0, rays, 1024):

@@ -47,6 +47,10 @@ _SHARP = 0.1
 _FLOOR = 0.01
 
 
+#: Tables by photometry, flux, turn and shape: see `WebLamp`.
+Known = dict[tuple[object, ...], tuple[WebTables, FloatArray, FloatArray]]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WebPieces:
     """Pieces of one lamp's emitting faces; row j of every array is the same piece.
@@ -127,7 +131,7 @@ class WebLamp:
         scene: SceneData,
         row: int,
         accuracy: float,
-        known: dict[tuple[object, ...], WebTables] | None = None,
+        known: Known | None = None,
     ) -> None:
         self.scene, self.row = scene, row
         self.luminaire = scene.luminaires[row]
@@ -140,7 +144,7 @@ class WebLamp:
         key = (id(self.web.photometry), self.luminaire.flux_lm, *self._shape_key())
         if key not in known:
             known[key] = self._tables()
-        self.tables = known[key]
+        self.tables, self.towards, self.sent = known[key]
         self.step, self.sharp = _finest(self.tables)
         self._angle = min(max(_STEPS * self.step, _NARROW), _WIDE)
         self._tolerance = min(max(_SHARE * accuracy, 1e-6), 1e-3)
@@ -153,8 +157,8 @@ class WebLamp:
             f"{self.shape.area:.9g}".encode(),
         )
 
-    def _tables(self) -> WebTables:
-        """For the kernels; the intensities are scaled so that the lamp emits its flux exactly."""
+    def _tables(self) -> tuple[WebTables, FloatArray, FloatArray]:
+        """For the kernels, scaled to the lamp's flux; directions (k, 3) and their shares of it."""
         photometry = self.web.photometry
         tables = WebTables(
             axes=writable(self.web.axes),
@@ -168,9 +172,9 @@ class WebLamp:
         towards, solid, _ = web_directions(self.web, self.shape)
         level = np.empty(len(towards))
         luminances(tables, writable(towards), level)
-        emitted = float(level * solid @ self.shape.projected(towards))
-        scale = self.luminaire.flux_lm / emitted
-        return tables._replace(candela=tables.candela * scale)
+        sent = level * solid * self.shape.projected(towards)
+        scale = self.luminaire.flux_lm / float(sent.sum())
+        return tables._replace(candela=tables.candela * scale), towards, sent / sent.sum()
 
     def luminance(self, directions: FloatArray) -> FloatArray:
         """Luminance (m,) of the lamp in unit directions (m, 3) that its light takes. [cd/m²]"""
