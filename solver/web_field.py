@@ -20,7 +20,8 @@ from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .topology import bounding_spheres
 from .web_ledger import with_webs
-from .webs import LEVELS, Known, WebLamp, WebLight
+from .web_light import WebLight
+from .webs import LEVELS, Known, WebLamp
 
 #: Standard deviation by partly hidden elements that may stay at sensors, against the accuracy, and
 #: how often these are cut in four for it. Surface elements, over which it is averaged, state it.

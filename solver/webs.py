@@ -10,21 +10,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .exchange import Rows, form_factor_matrix, make_sources
 from .kernels.pyramid import Blockers
-from .kernels.webs import LEAST, LIGHT, MOST, SAMPLES, VIEW, WebTables, luminances, web_rows
+from .kernels.webs import LEAST, LIGHT, MOST, VIEW, WebTables, luminances, web_rows
 from .mesh import make_elements
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import surface_points
 from .model.elements import Elements
 from .model.scene import SceneData
 from .surfaces import Receivers
 from .topology import bounding_spheres, writable
+from .web_light import WebLight, WebPieces
 from .web_shape import WebShape, web_directions
 
 #: Cells of the quadrature over a lamp span at most that many steps of its web, which their points
@@ -49,66 +49,6 @@ _FLOOR = 0.01
 
 #: Tables by photometry, flux, turn and shape: see `WebLamp`.
 Known = dict[tuple[object, ...], tuple[WebTables, FloatArray, FloatArray]]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WebPieces:
-    """Pieces of one lamp's emitting faces; row j of every array is the same piece.
-
-    Attributes
-    ----------
-    nets : (k, 4, 4, 4) array
-        +normal towards the emitting side.
-    spheres : (k, 4) array
-        Bounding spheres.
-    points, areas : (k, SAMPLES, 3) array
-        Points on them [m] and area vectors [m²], as `kernels.webs` wants them.
-    """
-
-    nets: FloatArray
-    spheres: FloatArray
-    points: FloatArray
-    areas: FloatArray
-
-    @classmethod
-    def of(cls, nets: FloatArray) -> WebPieces:
-        low, high = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
-        squares = [(0.0, 0.0, 1.0)] + [(0.5 * (k // 2), 0.5 * (k % 2), 0.5) for k in range(4)]
-        at = np.array(
-            [(u + s * a, v + s * b, 0.25 * s * s) for u, v, s in squares for a in (low, high)
-             for b in (low, high)]
-        )  # fmt: skip
-        shape = (len(nets), SAMPLES)
-        points, su, sv = surface_points(
-            nets, np.broadcast_to(at[:, 0], shape), np.broadcast_to(at[:, 1], shape)
-        )
-        return cls(nets, bounding_spheres(nets), points, np.cross(su, sv) * at[:, 2, None])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WebLight:
-    """Direct light of one lamp on some receivers.
-
-    Attributes
-    ----------
-    illuminance : (m,) array
-        [lx]
-    variance : (m,) array
-        Of what was sampled, and of partly hidden elements. [lx²]
-    partly : (m,) array
-        Standard deviation by partly hidden elements alone. [lx]
-    """
-
-    illuminance: FloatArray
-    variance: FloatArray
-    partly: FloatArray
-
-    def put(self, rows: IntArray, other: WebLight) -> WebLight:
-        """This light with that of ``other`` at ``rows``."""
-        values = {f.name: getattr(self, f.name).copy() for f in fields(self)}
-        for name, array in values.items():
-            array[rows] = getattr(other, name)
-        return WebLight(**values)
 
 
 class WebLamp:
@@ -188,7 +128,7 @@ class WebLamp:
         elements: Elements,
         factors: NDArray[np.floating],
         variances: NDArray[np.floating],
-        plain: FloatArray,
+        plain: NDArray[np.floating],
         *,
         coarse: bool = False,
         levels: int = LEVELS,
@@ -202,7 +142,9 @@ class WebLamp:
         from .kernels.threads import count_threads
 
         pieces = WebPieces.of(elements.nets)
-        factors, variances = (np.asarray(a, dtype=np.float64) for a in (factors, variances))
+        factors, variances, plain = (
+            np.asarray(a, dtype=np.float64) for a in (factors, variances, plain)
+        )
 
         found = np.empty((*factors.shape, 4))
         web_rows(
@@ -269,7 +211,7 @@ class WebLamp:
 
     def plain_factors(
         self, receivers: Receivers, elements: Elements, blockers: Blockers, *, eps: float
-    ) -> FloatArray:
+    ) -> NDArray[np.floating]:
         """Form factors (m, k) of its elements if nothing were in the way."""
         return self._rows(receivers, elements, blockers, eps, 1.0, trace=False).factors
 
