@@ -1,4 +1,7 @@
-"""Importers: STEP and CadQuery models as exact patches. Importing this loads no CAD kernel."""
+"""Importers: STEP and CadQuery models as exact patches, and photometric files.
+
+Importing this loads no CAD kernel.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,24 @@ from patchlight.solver.lazy import lazy_attributes
 if TYPE_CHECKING:
     from .cadquery_model import from_cadquery
     from .describe import inspection
+    from .photometry import read_photometry
     from .selection import cad_face, select_faces
     from .step import read_step
 
-__all__ = ["cad_face", "from_cadquery", "inspection", "read_step", "select_faces"]
+__all__ = [
+    "cad_face",
+    "from_cadquery",
+    "inspection",
+    "read_photometry",
+    "read_step",
+    "select_faces",
+]
 
 _HOME = {
     "cad_face": ".selection",
     "from_cadquery": ".cadquery_model",
     "inspection": ".describe",
+    "read_photometry": ".photometry",
     "read_step": ".step",
     "select_faces": ".selection",
 }

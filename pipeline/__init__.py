@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from patchlight.solver.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from patchlight.importers import from_cadquery, read_step
+    from patchlight.importers import from_cadquery, read_photometry, read_step
     from patchlight.reports import write_report
     from patchlight.solver.model import (
         Air,
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         Material,
         Model,
         PatchSet,
+        Photometry,
         Result,
         SceneData,
         Sensors,
@@ -43,6 +44,7 @@ _HOME = {
     "load_scene": ".scene_file",
     "batch": ".batches",
     "BatchItem": ".batch_items",
+    "read_photometry": "patchlight.importers",
     "read_step": "patchlight.importers",
     "from_cadquery": "patchlight.importers",
     "write_report": "patchlight.reports",
@@ -56,6 +58,7 @@ _HOME = {
         "Material",
         "Model",
         "PatchSet",
+        "Photometry",
         "Result",
         "SceneData",
         "Sensors",
@@ -75,6 +78,7 @@ __all__ = [
     "Material",
     "Model",
     "PatchSet",
+    "Photometry",
     "Result",
     "Scene",
     "SceneData",
@@ -85,6 +89,7 @@ __all__ = [
     "batch",
     "from_cadquery",
     "load_scene",
+    "read_photometry",
     "read_step",
     "simulate",
     "write_report",

@@ -81,16 +81,20 @@ class BatchItem:
 
 
 def identity(path: Path, *, first_model: int = 0) -> dict[str, Any]:
-    """What the result of a file depends on besides the settings; a scene file with its models."""
+    """What the result of a file depends on besides the settings; a scene file with its files."""
     from .doctoring import version
 
     try:
         found: dict[str, Any] = {"sha256": file_hash(path), "version": version("patchlight")}
         if path.suffix.lower() == ".toml":
-            from .scene_file import read_scene_file
+            from .scene_file import photometry_files, read_scene_file
 
-            models = read_scene_file(path).model[first_model:]
+            file = read_scene_file(path)
+            models = file.model[first_model:]
             found["models"] = [file_hash(path.parent / table.file) for table in models]
+            webs = photometry_files(file, path.parent)
+            if webs:
+                found["photometry"] = [file_hash(web) for web in webs]
         return found
     except (OSError, PatchlightError):
         return {"sha256": None}  # the worker will say what is wrong

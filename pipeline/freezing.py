@@ -21,6 +21,7 @@ from patchlight.solver.model import (
     ScenePart,
     Source,
     Sun,
+    Web,
 )
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.sky import direction
@@ -29,6 +30,7 @@ from .assigning import full_path
 from .frames import transformed_normals, transformed_points
 from .problems import Problems
 from .slots import Slots, filled_slots
+from .webs import Webs, web_notes
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -51,13 +53,16 @@ def frozen_scene(scene: Scene) -> SceneData:
         problems.raise_any()
         raise InputError("the scene cannot be used")  # there always is a problem; for type checkers
     data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data, problems))
+    lamp_notes = web_notes(data, slots, problems)
     from .grids import resolved_sensors
     from .remarks import scene_notes
 
     sensors, grid_notes = resolved_sensors(scene, data, problems)
     problems.raise_any()
     data = dataclasses.replace(data, sensors=sensors)
-    return dataclasses.replace(data, notes=(*scene.notes, *grid_notes, *scene_notes(scene, data)))
+    return dataclasses.replace(
+        data, notes=(*scene.notes, *lamp_notes, *grid_notes, *scene_notes(scene, data))
+    )
 
 
 def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
@@ -156,15 +161,18 @@ def _luminaires(
         lamp = data.luminaire_index[rows, side]
         np.add.at(area, lamp[lamp >= 0], patch_areas[lamp >= 0])
     luminaires = []
+    webs = Webs(scene)
     for k, (part_row, emitter) in enumerate(slots.lamps):
         with problems.under():
-            luminaires.append(
-                _luminaire(data.parts[part_row].path, emitter, area[k], scene.maintenance_factor)
-            )
+            path = data.parts[part_row].path
+            web = webs.web(part_row, path, emitter)
+            luminaires.append(_luminaire(path, emitter, area[k], scene.maintenance_factor, web))
     return tuple(luminaires)
 
 
-def _luminaire(path: str, emitter: Emitter, area_m2: float, maintenance: float) -> Luminaire:
+def _luminaire(
+    path: str, emitter: Emitter, area_m2: float, maintenance: float, web: Web | None
+) -> Luminaire:
     from patchlight.solver.spectra import cct_to_rgb
 
     group = emitter.group or path.rsplit("/", 1)[-1]
@@ -172,7 +180,10 @@ def _luminaire(path: str, emitter: Emitter, area_m2: float, maintenance: float) 
         raise InputError(f"light group {group!r} of {path}: the name is taken; set group")
     if not area_m2 > 0.0:
         raise GeometryError(f"{path}: the emitting faces have no area")
-    flux = emitter.flux_lm
+    flux, power = emitter.flux_lm, emitter.power_w
+    if web is not None:
+        flux = web.photometry.flux_lm if flux is None else flux
+        power = web.photometry.power_w if power is None else power
     if flux is None:
         flux = math.pi * float(emitter.luminance_cd_m2 or 0.0) * float(area_m2)
     return Luminaire(
@@ -182,7 +193,8 @@ def _luminaire(path: str, emitter: Emitter, area_m2: float, maintenance: float) 
         area_m2=float(area_m2),
         color=np.asarray(cct_to_rgb(emitter.cct_k)),
         cct_k=emitter.cct_k,
-        power_w=emitter.power_w,
+        power_w=power,
+        web=web,
     )
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
+from collections.abc import Iterator
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from patchlight.solver.errors import InputError, MissingFileError, PatchlightError
+from patchlight.solver.model import Emitter, Photometry
 
 from .frames import up_matrix
 from .grids import check_pattern
@@ -137,6 +140,9 @@ def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
         name = table.get("file")
         if isinstance(name, str) and name and not (folder / name).is_file():
             problems.append(f"model[{k}].file: {folder / name}: no such file")
+    for k, name in _photometry_names(values):
+        if not (folder / name).is_file():
+            problems.append(f"assign[{k}].emitter.photometry: {folder / name}: no such file")
     for kind in ("sensors", "cameras"):
         seen: set[str] = set()
         for k, table in enumerate(_tables(values, kind)):
@@ -151,6 +157,21 @@ def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
             problems.append(f"requirements[{k}].sensors: {unknown_grid(name, grids)}")
     problems += _light_problems(values, grids)
     return problems
+
+
+def _photometry_names(values: dict[str, Any]) -> Iterator[tuple[int, str]]:
+    """Number and photometric file of assignments that have one, in unchecked values."""
+    for k, table in enumerate(_tables(values, "assign")):
+        emitter = table.get("emitter")
+        name = emitter.get("photometry") if isinstance(emitter, dict) else None
+        if isinstance(name, str) and name:
+            yield k, name
+
+
+def photometry_files(file: SceneFile, folder: Path) -> list[Path]:
+    """Photometric files that a scene file names, each once."""
+    emitters = [a.emitter for a in file.assign if a.emitter is not None]
+    return list(dict.fromkeys(folder / e.photometry for e in emitters if e.photometry))
 
 
 def _light_problems(values: dict[str, Any], grids: list[str]) -> list[str]:
@@ -193,7 +214,7 @@ def _tables(values: dict[str, Any], key: str) -> list[dict[str, Any]]:
 
 def build_scene(file: SceneFile, path: Path) -> Scene:
     """Read the models of a checked scene file and apply it; ``path`` is the scene file."""
-    from patchlight.importers import read_step
+    from patchlight.importers import read_photometry, read_step
 
     scene = Scene(
         north_deg=file.site.north_deg,
@@ -220,8 +241,17 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
             with problems.under(f"model[{k}].name"):
                 scene.add_entry(entry)
     problems.raise_any()  # patterns would only repeat that a model is missing
+    webs: dict[Path, Photometry] = {}
     for k, assign in enumerate(file.assign):
         for what in assign.build():
+            if isinstance(what, Emitter) and isinstance(what.photometry, str):
+                photometric = path.parent / what.photometry
+                with problems.under(f"assign[{k}].emitter.photometry"):
+                    if photometric not in webs:
+                        webs[photometric] = read_photometry(photometric)
+                if photometric not in webs:
+                    continue
+                what = dataclasses.replace(what, photometry=webs[photometric])
             with problems.under(f"assign[{k}]"):
                 scene.assign(
                     assign.parts,
@@ -249,8 +279,8 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
 def resolved_config(file: SceneFile, folder: Path, *, remarks: tuple[str, ...] = ()) -> str:
     """The scene file with all defaults written out and absolute file names, as TOML.
 
-    Hashes of the models and ``remarks`` stand in comments at the top, so that the text can be run
-    again as it is.
+    Hashes of the models and photometric files, and ``remarks``, stand in comments at the top, so
+    that the text can be run again as it is.
     """
     import tomli_w
 
@@ -261,4 +291,10 @@ def resolved_config(file: SceneFile, folder: Path, *, remarks: tuple[str, ...] =
         full = (folder / table["file"]).resolve()
         table["file"] = str(full)
         lines.insert(-1, f"# sha256 {file_hash(full)} {full.name}")
+    for full in photometry_files(file, folder):
+        lines.insert(-1, f"# sha256 {file_hash(full)} {full.name}")
+    for table in values["assign"]:
+        if "photometry" in table.get("emitter", {}):
+            full = (folder / table["emitter"]["photometry"]).resolve()
+            table["emitter"]["photometry"] = str(full)
     return "\n".join(lines) + "\n" + tomli_w.dumps(values)

@@ -106,17 +106,24 @@ class MaterialTable(Table):
 
 
 class EmitterTable(Table):
-    """Light leaving a surface evenly."""
+    """Light leaving a surface, evenly or by a photometric file."""
 
     flux_lm: Number | None = None
-    """Flux of each matched part. [lm]"""
+    """Flux of each matched part; with photometry, instead of the file's. [lm]"""
     luminance_cd_m2: Number | None = None
     cct_k: Number = 4000.0
     side: Literal["both", "front", "back"] = "both"
     group: Text | None = None
     """Light group of the result; the part's name when not given."""
     power_w: Number | None = None
+    """Electric power; the photometric file's when not given. [W]"""
     dim: Number = 1.0
+    photometry: Text | None = None
+    """IES LM-63 or EULUMDAT file with the directions of the light; relative to the scene file."""
+    aim: Triple | None = None
+    """Where its nadir points; the part's own -z when not given."""
+    c0: Triple | None = None
+    """Where its C0 half-plane points; the part's own +x when not given."""
 
     def build(self) -> Emitter:
         """The emitter."""

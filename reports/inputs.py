@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from patchlight.solver.model import CIESky, SceneData
+from patchlight.solver.model import CIESky, Luminaire, SceneData
 
 from . import formats as f
 
@@ -159,10 +160,11 @@ def luminaire_rows(scene: SceneData) -> list[dict[str, str]]:
             lamp.power_w,
             area,
             f.srgb_hex(_bright(lamp.color)),
+            web_name(lamp),
         )
         merged[key].append(lamp.part)
     rows = []
-    for (group, flux, cct, power, area, swatch), parts in merged.items():
+    for (group, flux, cct, power, area, swatch, web), parts in merged.items():
         new = flux / scene.maintenance_factor
         rows.append(
             {
@@ -174,11 +176,36 @@ def luminaire_rows(scene: SceneData) -> list[dict[str, str]]:
                 "power": f.number(power) if power else f.MISSING,
                 "efficacy": f.number(new / power) if power else f.MISSING,
                 "area": f.number(area),
-                "luminance": f.number(flux / area / np.pi) if area > 0.0 else f.MISSING,
+                # That of a web is another one in every direction.
+                "luminance": f.MISSING if web or not area > 0.0 else f.number(flux / area / np.pi),
                 "swatch": swatch,
+                "web": web,
             }
         )
     return rows
+
+
+def web_name(lamp: Luminaire) -> str:
+    """What a luminaire's photometric web is called; empty for one without."""
+    if lamp.web is None:
+        return ""
+    photometry = lamp.web.photometry
+    return Path(photometry.source).name or photometry.name or "photometric web"
+
+
+def web_rows(scene: SceneData) -> list[dict[str, str]]:
+    """Photometric webs in use: name, file, hash, format and flux, each once."""
+    webs = {id(lamp.web.photometry): lamp.web.photometry for lamp in scene.luminaires if lamp.web}
+    return [
+        {
+            "name": p.name,
+            "file": p.source,
+            "sha256": p.sha256,
+            "format": p.format,
+            "flux": f.number(p.flux_lm, 4),
+        }
+        for p in webs.values()
+    ]
 
 
 def _bright(color: Any) -> Any:

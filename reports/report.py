@@ -103,6 +103,7 @@ def render_report(
         "default_count": count,
         "default_names": names,
         "luminaires": inputs.luminaire_rows(scene),
+        "webs": inputs.web_rows(scene),
         "luminaire_totals": inputs.luminaire_totals(scene),
         "maintenance_factor": scene.maintenance_factor,
         "still": still and {

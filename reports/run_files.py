@@ -19,6 +19,7 @@ from patchlight.solver.model import Certificate, Result, SensorResult
 
 from .files import safe_names, write_atomic, write_text
 from .formats import plain
+from .inputs import web_rows
 from .metrics import evaluate_requirements, metric_rows
 
 #: Version of the layout of all files written here; grows when a reader would have to change.
@@ -110,6 +111,7 @@ def run_record(result: Result) -> dict[str, Any]:
             }
             for s in scene.sources
         ],
+        "photometry": web_rows(scene),
         "settings": settings,
         "maintenance_factor": scene.maintenance_factor,
         "north_deg": scene.north_deg,

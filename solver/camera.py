@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .errors import InputError
@@ -22,6 +25,9 @@ from .skies import (
 )
 from .spectra import cct_to_rgb
 from .vertex_values import corner_values
+
+if TYPE_CHECKING:
+    from .webs import WebLamp
 
 #: Rays per kernel call, which bounds memory and lets Ctrl-C through.
 _BLOCK = 1 << 17
@@ -46,6 +52,8 @@ class Renderer:
         Illuminance, shown smoothly. [lx]
     caster : RayCaster, optional
         Of ``scene.patches``, when there already is one.
+    webs : sequence of WebLamp
+        Lamps whose luminance depends on where they are seen from; they are not in ``emitted``.
 
     Raises
     ------
@@ -62,6 +70,7 @@ class Renderer:
         emitted: FloatArray,
         irradiance: FloatArray,
         caster: RayCaster | None = None,
+        webs: Sequence[WebLamp] = (),
     ) -> None:
         reflected, emitted = frozen(reflected), frozen(emitted)
         n, bands = len(elements), reflected.shape[-1] if reflected.ndim == 2 else 0
@@ -71,7 +80,9 @@ class Renderer:
         check_shape("emitted", emitted, (n, bands))
         irradiance = frozen(irradiance)
         check_shape("irradiance", irradiance, (n,))
-        self.scene = scene
+        self.scene, self._webs, self._grey = scene, webs, bands == 1
+        # By patch and side, as a ray sees it; the last row stands for patch −1.
+        self._lamp_of = np.concatenate([scene.luminaire_index, [[-1, -1]]])
         self._caster = RayCaster(scene.patches) if caster is None else caster
         means = np.concatenate([reflected, irradiance[:, None]], axis=1)
         start, order = _elements_by_side(elements, len(scene.patches))
@@ -127,9 +138,23 @@ class Renderer:
                 *self._shading, d, hits.patch, hits.u, hits.v, hits.facing,
                 rgb[rows], illuminance[rows], normals[rows],
             )  # fmt: skip
+            self._add_webs(rgb[rows], d, hits.patch, hits.facing)
             depth[rows] = np.where(hits.patch >= 0, hits.t, np.nan)
             patch[rows] = hits.patch
         return rgb, illuminance, depth, normals, patch
+
+    def _add_webs(
+        self, rgb: FloatArray, directions: FloatArray, patch: IntArray, facing: IntArray
+    ) -> None:
+        """Add to ``rgb`` (m, 3) what lamps with webs send back along rays that hit them."""
+        if not self._webs:
+            return
+        seen = self._lamp_of[patch, (facing < 0).astype(np.int64)]
+        for lamp in self._webs:
+            rows = np.flatnonzero(seen == lamp.row)
+            color = np.ones(3) if self._grey else np.asarray(lamp.luminaire.color)
+            level = lamp.luminance(-directions[rows])
+            rgb[rows] += level[:, None] * color
 
     def _edges(self, rgb: FloatArray, patch: IntArray, shape: tuple[int, int]) -> IntArray:
         """Pixels (h w,) with another face or another luminance next to them."""

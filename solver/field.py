@@ -26,6 +26,7 @@ from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
 from .topology import is_single
+from .web_field import WebField
 
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
@@ -138,6 +139,7 @@ class FieldSolver:
         self._mesher = Mesher(scene, blockers, trace=trace, stages=stages)
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
+        self.webs = WebField(scene, blockers, trace=trace, stages=stages)
 
     def solve(self, budget: Budget, *, name: str | None = None) -> Field:
         """Solve on the mesh of ``budget``; one stage of that ``name``, or several of their own."""
@@ -155,6 +157,7 @@ class FieldSolver:
         scanned = rows.outside if self.trace else None
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
         self._add_lamps(light, rows, surfaces)
+        light.variance += self.webs.add(light.direct, rows, surfaces, asked, stage=name)
         with self.stages.run(name or "radiosity"):
             reflected, products = solve_radiosity(
                 rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
@@ -185,6 +188,7 @@ class FieldSolver:
             totals = 1.0 - light.outside
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
         self._add_lamps(light, rows, field.surfaces)
+        light.variance += self.webs.add(light.direct, rows, field.surfaces, asked, fine=True)
         return self._gathered(light, rows, field.surfaces, field.reflected)
 
     def gather_indirect(self, grid: Sensors, budget: Budget, field: Field) -> FloatArray:
@@ -197,7 +201,7 @@ class FieldSolver:
         self, light: Light, rows: Rows, surfaces: Surfaces, reflected: dict[str, FloatArray]
     ) -> Gathered:
         components = {}
-        exitance = surfaces.emitted.copy()
+        exitance = surfaces.diffuse
         for group, direct in light.direct.items():
             components[f"{group}.direct"] = direct
             components[f"{group}.indirect"] = rows.gather(reflected[group])

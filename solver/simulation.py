@@ -134,9 +134,9 @@ class _Simulation:
         budget = self.budget
         self._count(field)
         light = field.light
-        images = self._images(field)
+        images = self._images(field, solver)
         self._warn_dark(sensors, light.luminous())
-        balance = self._balance(field)
+        balance = self._balance(field, solver)
         stages.warnings.extend(ledger_warning(balance))
         return Result(
             scene=scene,
@@ -238,7 +238,7 @@ class _Simulation:
             outline=grid.outline,
         )
 
-    def _balance(self, field: Field) -> Balance:
+    def _balance(self, field: Field, solver: FieldSolver) -> Balance:
         surfaces, light = field.surfaces, field.light
         lamps = {lamp.group for lamp in self.scene.luminaires}
         nothing = np.zeros_like(surfaces.emitted)
@@ -247,18 +247,19 @@ class _Simulation:
             for name, values in light.components.items()
             if name.endswith(".direct") and name.rsplit(".", 1)[0] not in lamps
         ]
-        return make_balance(
+        balance = make_balance(
             self.scene,
             surfaces.areas,
             field.factors,
             surfaces.reflectance,
-            surfaces.emitted,
+            surfaces.diffuse,
             field.all_reflected,
             np.asarray(sum(light.components.values(), nothing)),
             np.asarray(sum(entered, nothing)),
             surfaces.material,
-            surfaces.lamp,
+            np.where(surfaces.web, -1, surfaces.lamp),
         )
+        return solver.webs.in_ledger(balance, surfaces, self.budget.accuracy, field.sees_out)
 
     def _say_skipped(self, blockers: Blockers) -> None:
         scene, skipped = self.scene, self.stages.skipped
@@ -293,7 +294,7 @@ class _Simulation:
         ]
         return np.asarray(sum(daylight) / horizontal_illuminance(sky))
 
-    def _images(self, field: Field) -> dict[str, CameraImage]:
+    def _images(self, field: Field, solver: FieldSolver) -> dict[str, CameraImage]:
         if not self.scene.cameras:
             return {}
         from .camera import Renderer
@@ -304,8 +305,9 @@ class _Simulation:
                 self.scene,
                 field.surfaces.elements,
                 reflected=field.all_reflected,
-                emitted=field.surfaces.emitted,
+                emitted=field.surfaces.diffuse,
                 irradiance=field.light.luminous(),
+                webs=solver.webs.lamps(self.budget.accuracy),
             )
             for k, camera in enumerate(self.scene.cameras):
                 images[camera.name] = renderer.render(camera)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
@@ -63,9 +64,10 @@ class Surfaces:
     elements: Elements
     areas: FloatArray  # (n,) without the buried share [m²]
     reflectance: FloatArray  # (n, b)
-    emitted: FloatArray  # (n, b) [lm/m²]
+    emitted: FloatArray  # (n, b) mean over all directions [lm/m²]
     material: IntArray  # (n,) row of the scene's materials
     lamp: IntArray  # (n,) row of the scene's luminaires
+    web: NDArray[np.bool_]  # (n,) whether it emits by a photometric web
 
     @classmethod
     def of(cls, scene: SceneData, elements: Elements, bands: int) -> Surfaces:
@@ -80,12 +82,18 @@ class Surfaces:
             emitted[lamp == row] = luminaire.exitance_lm_m2 * color
         rho[material == BLACK] = 0.0
         areas = np.where(elements.buried, 0.0, elements.weights).sum(axis=1)
-        return cls(elements, areas, rho, emitted, material, lamp)
+        webs = [row for row, luminaire in enumerate(scene.luminaires) if luminaire.web is not None]
+        return cls(elements, areas, rho, emitted, material, lamp, np.isin(lamp, webs))
+
+    @property
+    def diffuse(self) -> FloatArray:
+        """Exitance (n, b) emitted alike in all directions; webs are none of it. [lm/m²]"""
+        return np.where(self.web[:, None], 0.0, self.emitted)
 
     def emitted_by(self, scene: SceneData, group: str) -> FloatArray:
-        """Emitted exitance (n, b) of one light group. [lm/m²]"""
+        """Exitance (n, b) that one light group emits alike in all directions. [lm/m²]"""
         rows = [k for k, lamp in enumerate(scene.luminaires) if lamp.group == group]
-        return np.where(np.isin(self.lamp, rows)[:, None], self.emitted, 0.0)
+        return np.where(np.isin(self.lamp, rows)[:, None], self.diffuse, 0.0)
 
 
 def reflectances(scene: SceneData) -> FloatArray:

@@ -78,31 +78,31 @@ def _unoccluded(
 
 
 @lean
-def _find_wanted(single, exact_above, wanted):
+def _find_wanted(plain, exact_above, wanted):
     """Mark the elements that are to be traced; returns whether there are any."""
     some = False
-    for j in range(single.shape[0]):
-        wanted[j] = single[j] > exact_above[j]
+    for j in range(plain.shape[0]):
+        wanted[j] = plain[j] > exact_above[j]
         some |= wanted[j]
     return some
 
 
 @lean
-def _add_plain(weight, single, factors):
+def _add_plain(weight, plain, factors):
     """Add what one node would see with nothing in the way; returns of how many elements."""
     count = 0
-    for j in range(single.shape[0]):
-        factors[j] += weight * single[j]
-        count += single[j] > 0.0
+    for j in range(plain.shape[0]):
+        factors[j] += weight * plain[j]
+        count += plain[j] > 0.0
     return count
 
 
 @lean
-def _add(weight, single, wanted, share, deviation, factors, variances):
+def _add(weight, plain, wanted, share, deviation, factors, variances):
     """Add what one node sees of all elements that are not ``wanted``; returns how many they are."""
     count = 0
-    for j in range(single.shape[0]):
-        value = 0.0 if wanted[j] else weight * single[j]
+    for j in range(plain.shape[0]):
+        value = 0.0 if wanted[j] else weight * plain[j]
         factors[j] += value * share[j]
         variances[j] += (value * deviation[j]) ** 2
         count += 1 if value > 0.0 else 0

@@ -4,6 +4,7 @@ from .cad import Certificate, Face, Model, Part
 from .elements import Elements
 from .optics import Air, Emitter, Material
 from .patches import PatchSet
+from .photometry import Photometry, Web
 from .result import Balance, CameraImage, Result, SensorResult, SurfaceResult
 from .scene import BLACK, Luminaire, SceneData, SceneFace, ScenePart, Source
 from .sky import CIESky, Ground, Site, Sun
@@ -26,6 +27,7 @@ __all__ = [
     "Model",
     "Part",
     "PatchSet",
+    "Photometry",
     "Result",
     "SceneData",
     "SceneFace",
@@ -36,4 +38,5 @@ __all__ = [
     "Source",
     "Sun",
     "SurfaceResult",
+    "Web",
 ]

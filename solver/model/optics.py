@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 
 from ..errors import InputError
-from .arrays import FloatArray, check_finite
+from .arrays import FloatArray, check_finite, unit_vector
+from .photometry import Photometry
 
 Reflectance = float | tuple[float, float, float]
 
@@ -70,12 +72,12 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Emitter:
-    """Lambertian light leaving a surface, uniform over it.
+    """Light leaving a surface: Lambertian and uniform over it, or by a photometric web.
 
     Attributes
     ----------
     flux_lm : float, optional
-        Total flux leaving each matched part. [lm]
+        Total flux leaving each matched part; with ``photometry``, instead of the web's own. [lm]
     luminance_cd_m2 : float, optional
         Luminance instead of a flux. [cd/m²]
     cct_k : float
@@ -85,9 +87,15 @@ class Emitter:
     group : str, optional
         Light group of the result; the part's name when not given.
     power_w : float, optional
-        Electric power, for the report. [W]
+        Electric power, for the report; that of ``photometry`` when not given. [W]
     dim : float
         Factor on the flux.
+    photometry : Photometry or path, optional
+        Directions that the light takes: a web, or the IES or EULUMDAT file to read it from.
+    aim : (3,) vector, optional
+        Where the nadir of the web points in the scene; the part's own −z when not given.
+    c0 : (3,) vector, optional
+        Where its C0 half-plane points; the part's own +x when not given.
     """
 
     flux_lm: float | None = None
@@ -97,10 +105,20 @@ class Emitter:
     group: str | None = None
     power_w: float | None = None
     dim: float = 1.0
+    photometry: Photometry | str | PathLike[str] | None = None
+    aim: tuple[float, float, float] | None = None
+    c0: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if (self.flux_lm is None) == (self.luminance_cd_m2 is None):
-            raise InputError("Emitter: give exactly one of flux_lm and luminance_cd_m2")
+        if self.photometry is None:
+            if (self.flux_lm is None) == (self.luminance_cd_m2 is None):
+                raise InputError(
+                    "Emitter: give exactly one of flux_lm, luminance_cd_m2 and photometry"
+                )
+        elif self.luminance_cd_m2 is not None:
+            raise InputError("Emitter: luminance_cd_m2 is not used together with photometry")
+        elif not isinstance(self.photometry, Photometry | str | PathLike):
+            raise InputError(f"Emitter.photometry = {self.photometry!r}: Photometry or a path")
         for name in ("flux_lm", "luminance_cd_m2", "power_w", "dim"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0.0):
@@ -109,6 +127,14 @@ class Emitter:
             raise InputError(f"Emitter.cct_k = {self.cct_k}: must lie between 1000 and 25000")
         if self.side not in ("both", "front", "back"):
             raise InputError(f"Emitter.side = {self.side!r}: both, front or back")
+        for name in ("aim", "c0"):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if self.photometry is None:
+                raise InputError(f"Emitter.{name} is used together with photometry only")
+            v = unit_vector(f"Emitter.{name}", value)
+            object.__setattr__(self, name, (float(v[0]), float(v[1]), float(v[2])))
 
 
 @dataclass(frozen=True, slots=True)

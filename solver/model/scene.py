@@ -10,6 +10,7 @@ from .arrays import FloatArray, IntArray, check_shape, frozen
 from .cad import Certificate
 from .optics import Material
 from .patches import PatchSet
+from .photometry import Web
 from .sky import CIESky, Ground, Site, Sun
 from .views import Camera, Sensors
 
@@ -51,7 +52,7 @@ class SceneFace:
 
 @dataclass(frozen=True, slots=True)
 class Luminaire:
-    """One emitting part: its flux is spread evenly over its emitting sides.
+    """One emitting part: its flux is spread evenly over its emitting sides, or follows a web.
 
     Attributes
     ----------
@@ -67,6 +68,8 @@ class Luminaire:
         Correlated colour temperature. [K]
     power_w : float, optional
         Electric power. [W]
+    web : Web, optional
+        Directions its light takes; without, it is Lambertian.
     """
 
     part: str
@@ -76,15 +79,16 @@ class Luminaire:
     color: FloatArray
     cct_k: float
     power_w: float | None = None
+    web: Web | None = None
 
     @property
     def exitance_lm_m2(self) -> float:
-        """Luminous exitance of the emitting sides. [lm/m²]"""
+        """Mean luminous exitance of the emitting sides. [lm/m²]"""
         return self.flux_lm / self.area_m2
 
     @property
     def luminance_cd_m2(self) -> float:
-        """Luminance of the emitting sides. [cd/m²]"""
+        """Luminance of the emitting sides; of a web, were it Lambertian. [cd/m²]"""
         return self.exitance_lm_m2 / np.pi
 
 

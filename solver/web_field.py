@@ -1,0 +1,220 @@
+"""All lamps with photometric webs in a solve: their direct light, by light group."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from .exchange import Rows
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import gauss_rule, surface_points
+from .model.elements import Elements
+from .model.result import Balance
+from .model.scene import SceneData
+from .row_finder import FINE_SHARE, Ask
+from .stages import Stages
+from .surfaces import Receivers, Surfaces
+from .topology import bounding_spheres
+from .web_ledger import with_webs
+from .web_light import WebLight
+from .webs import LEVELS, Known, WebLamp
+
+#: Standard deviation by partly hidden elements that may stay at sensors, against the accuracy, and
+#: how often these are cut in four for it. Surface elements, over which it is averaged, state it.
+PARTLY, CUTS = 0.25, 3
+#: Lamps of equal flux beyond which their number no longer counts for the digits of one.
+MANY = 20.0
+#: How often elements of lamps are quartered for their mean luminance at elements, and at those with
+#: many nodes.
+LEVELS_COARSE, LEVELS_DENSE = 3, 1
+#: Most nodes a direction on an element under a narrow beam.
+MOST_NODES = 8
+
+
+class WebField:
+    """Lamps with webs of one scene.
+
+    Parameters
+    ----------
+    scene : SceneData
+        The scene.
+    blockers : Blockers
+        Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    stages : Stages
+        Receives times and counters.
+    """
+
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        lamps = enumerate(scene.luminaires)
+        self._rows = [row for row, lamp in lamps if lamp.web is not None and lamp.flux_lm > 0.0]
+        self._lamps: dict[float, list[WebLamp]] = {}
+        self._tables: Known = {}
+
+    def lamps(self, accuracy: float) -> list[WebLamp]:
+        """The lamps, ready for an accuracy."""
+        if accuracy not in self._lamps:
+            self._lamps[accuracy] = [
+                WebLamp(self.scene, row, accuracy, self._tables) for row in self._rows
+            ]
+        return self._lamps[accuracy]
+
+    def in_ledger(
+        self, balance: Balance, surfaces: Surfaces, accuracy: float, sees_out: bool
+    ) -> Balance:
+        """The flux ledger with the light of these lamps; what escapes is looked for by rays."""
+        if not self._rows:
+            return balance
+        with self.stages.run("flux ledger") as tell:
+            lamps = self.lamps(accuracy)
+            return with_webs(balance, self.scene, surfaces, lamps, sees_out=sees_out, tell=tell)
+
+    def add(
+        self,
+        direct: dict[str, FloatArray],
+        rows: Rows,
+        surfaces: Surfaces,
+        asked: Ask,
+        *,
+        fine: bool = False,
+        stage: str | None = None,
+    ) -> FloatArray:
+        """Add to the direct light (m, b) of their groups; returns the variances (m,). [lx²]
+
+        Parameters
+        ----------
+        direct : dict of (m, b) arrays
+            Changed in place; every group of lamps is there. [lx]
+        rows : Rows
+            Form factors from m receivers to the elements of ``surfaces``.
+        asked : Ask
+            What the rows were asked for.
+        fine : bool
+            Whether the receivers are sensors, which nothing averages.
+        stage : str, optional
+            Stage that the time is counted to; one of its own when not given.
+        """
+        variance, budget = np.zeros(len(rows.factors)), asked.budget
+        if not self._rows:
+            return variance
+        bands = surfaces.emitted.shape[1]
+        with self.stages.run(stage or "photometric webs") as tell:
+            lamps = self.lamps(budget.accuracy)
+            for done, lamp in enumerate(lamps):
+                found = self._light(lamp, rows, surfaces, asked, fine)
+                color = np.ones(1) if bands == 1 else np.asarray(lamp.luminaire.color)
+                group = lamp.luminaire.group
+                direct[group] = direct[group] + found.illuminance[:, None] * color
+                variance += found.variance
+                tell(done + 1, len(lamps))
+        return variance
+
+    def _coarser(self, lamp: WebLamp) -> float:
+        """How much larger its sampled cells may be than those of a lamp that is alone.
+
+        Sampling errors of lamps add as squares, and that of one goes with the root of its cells.
+        """
+        flux = sum(self.scene.luminaires[row].flux_lm for row in self._rows)
+        return min(MANY, flux / lamp.luminaire.flux_lm)
+
+    def _light(
+        self, lamp: WebLamp, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool
+    ) -> WebLight:
+        """Direct light of one lamp: traced anew at sensors, elsewhere by the rows there are."""
+        budget, receivers = asked.budget, asked.receivers
+        how: dict[str, Any] = {
+            "eps": budget.eps * (asked.share if self.trace else FINE_SHARE),
+            "cell_eps": budget.lamp_cell_eps * self._coarser(lamp),
+            "count": self.stages.count,
+        }
+        if self.trace and fine:
+            light = lamp.traced(receivers, self.blockers, budget.divisions, **how)
+        else:
+            own = np.flatnonzero(surfaces.lamp == lamp.row)
+            elements = lamp.elements(budget.divisions)
+            plain = lamp.plain_factors(receivers, elements, self.blockers, eps=how["eps"])
+            light = lamp.light(
+                receivers,
+                elements,
+                rows.factors[:, own],
+                rows.variances[:, own],
+                plain,
+                coarse=not fine,
+                levels=LEVELS if fine else LEVELS_COARSE,
+            )
+            if not fine:
+                for some, dense in _denser(lamp, surfaces.elements, elements):
+                    better = lamp.light(
+                        dense,
+                        elements,
+                        rows.factors[np.ix_(some, own)],
+                        rows.variances[np.ix_(some, own)],
+                        plain[some],
+                        coarse=True,
+                        levels=LEVELS_DENSE,
+                    )
+                    light = light.put(some, better)
+        if not (self.trace and fine):
+            return light
+        return lamp.refined(
+            receivers,
+            light,
+            self.blockers,
+            budget.divisions,
+            accuracy=PARTLY * budget.accuracy,
+            cuts=CUTS,
+            **how,
+        )
+
+
+def _denser(
+    lamp: WebLamp, receivers: Elements, lamp_elements: Elements
+) -> Iterator[tuple[IntArray, Receivers]]:
+    """Elements on which few nodes may miss a narrow beam, and them with more nodes.
+
+    The nodes are as many as steps of the web, seen from the lamp, lie on the element; a web without
+    steep changes has no need of them. Only the mean luminance is found with these.
+    """
+    if not lamp.sharp:
+        return
+    spheres = bounding_spheres(receivers.nets)
+    points = (lamp_elements.nets[..., :3] / lamp_elements.nets[..., 3:]).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    away = np.linalg.norm(spheres[:, :3] - 0.5 * (low + high), axis=1)
+    away = np.maximum(away - 0.5 * float(np.linalg.norm(high - low)), spheres[:, 3])
+    # What is finer than half the lamp is blurred by it.
+    blur = 0.5 * math.sqrt(lamp.shape.area)
+    count = np.ceil(2.0 * spheres[:, 3] / np.maximum(lamp.step * away, blur))
+    whole = ~receivers.buried.any(axis=1)
+    for least, nodes in ((2.0, 4), (4.0, MOST_NODES)):
+        most = np.inf if nodes == MOST_NODES else 4.0
+        some = np.flatnonzero(whole & (count > least) & (count <= most))
+        if len(some):
+            yield some, _with_nodes(receivers, some, nodes)
+
+
+def _with_nodes(elements: Elements, rows: IntArray, order: int) -> Receivers:
+    """Some elements with ``order`` Gauss nodes a direction."""
+    nets = elements.nets[rows]
+    t, w = gauss_rule(order)
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
+    shape = (len(nets), len(u))
+    points, su, sv = surface_points(nets, np.broadcast_to(u, shape), np.broadcast_to(v, shape))
+    normals = np.cross(su, sv)
+    length = np.linalg.norm(normals, axis=2)
+    share = length * np.outer(w, w).ravel()
+    return Receivers(
+        points,
+        normals / np.where(length > 0.0, length, 1.0)[..., None],
+        share / share.sum(axis=1)[:, None],
+        elements.patch_index[rows],
+        rows,
+    )
