@@ -25,6 +25,8 @@ LIFT, REACHED = 1e-5, 0.999
 class DirectLight:
     """Light of all lamps: exact unoccluded form factors, and one ray to the middle of each patch.
 
+    Lamps with photometric webs are taken to shine alike in all directions.
+
     Parameters
     ----------
     scene : SceneData

@@ -194,7 +194,7 @@ class _Simulation:
         What both meshes have wrong alike changes nothing: it is no less than the light that the
         finer one misplaces. What the ledger lacks counts besides.
         """
-        error = MeshError(field.misplaced, abs(self._balance(field).residual_fraction))
+        error = MeshError(field.misplaced, abs(self._balance(field, solver).residual_fraction))
         light = {name: g.luminous("indirect") for name, g in grids.items()}
         on_elements = field.light.luminous("indirect")
         budget = self.budget.coarser(self.scene)
