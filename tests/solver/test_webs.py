@@ -126,8 +126,9 @@ def test_cosine_web_on_a_large_panel_is_the_even_emitter_at_every_distance():
     lamp = ceiling(-0.6, 0.6, -0.3, 0.3, 2.5)
     points = [(x, y, z) for z in (2.45, 2.0, 1.0, 0.2) for x, y in ((0, 0), (0.7, 0.1), (1.5, 2))]
     data = scene(setup(room, lamp), lamps=[(1, "lamp", 1000.0 / 0.72)], sensors=[grid("g", points)])
-    even = solve(data, accuracy=0.05)
-    web = solve(with_web(data, cosine(), flux=1000.0), accuracy=0.05)
+    even = solve(data, accuracy=0.02)
+    web = solve(with_web(data, cosine(), flux=1000.0), accuracy=0.02)
+    assert len(web.elements) == len(even.elements)  # both were made finer once
     # Luminance is within 4e-5 of even (chords); sums of positive terms keep that.
     for part in ("direct", "indirect"):
         np.testing.assert_allclose(
@@ -202,11 +203,13 @@ def test_superposition_of_two_lamps():
         lamps[row] = dataclasses.replace(lamps[row], flux_lm=0.0)
         one = dataclasses.replace(both, luminaires=tuple(lamps))
         alone = solve(one, accuracy=0.1).sensors["g"]
-        # Sensors see the lamps by pyramids. What is reflected depends on the mesh and on which
-        # lamps count as bright.
-        for part, tolerance in (("direct", 1e-3), ("indirect", 5e-2)):
+        # Sensors see the lamps by pyramids. What is reflected depends on the mesh, which follows the
+        # lamps: to what both state as their errors.
+        for part, tolerance in (("direct", 1e-3), ("indirect", np.inf)):
             key = f"{group}.{part}"
-            np.testing.assert_allclose(alone.components[key], found.components[key], rtol=tolerance)
+            off = np.abs(alone.components[key] - found.components[key])
+            assert (off <= alone.error_lx + found.error_lx).all()
+            assert (off <= tolerance * found.components[key]).all()
 
 
 @pytest.mark.parametrize("accuracy", [0.1, 0.02])
