@@ -54,7 +54,7 @@ def photometry_of_ies(path: Path, text: str, sha256: str) -> Photometry:
     factor = _tilt_factor(path, lines[at], at + 1, numbers, remarks)
     lamps = numbers.count("number of lamps", low=1, high=100_000)
     lumens = numbers.take("lumens per lamp")
-    if lumens < 0.0 and lumens != -1.0:
+    if lumens <= 0.0 and lumens != -1.0:
         raise InputError(f"{path}: lumens per lamp = {lumens:g}: must be > 0, or -1 for absolute")
     factor *= numbers.take("candela multiplier", low=1e-12)
     vertical = numbers.count("number of vertical angles", low=2, high=MAX_ANGLES)

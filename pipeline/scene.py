@@ -326,6 +326,10 @@ class Scene:
         if not isinstance(what, Material | Emitter | Air):
             kind = type(what).__name__
             raise InputError(f"assign {pattern!r}: {kind}: expected a Material, Emitter or Air")
+        if not (faces is None or isinstance(faces, str)):
+            raise InputError(
+                f'assign {pattern!r}: faces = {faces!r}: expected a selector such as "up" or "#3"'
+            )
         assignment = Assignment(pattern, what, faces, layer, color, frozenset(self.entries))
         count = sum(len(match.rows) for match in matched_faces(self.entries, assignment))
         self._declare_air(assignment)

@@ -45,7 +45,7 @@ class Webs:
         aim = -z if emitter.aim is None else np.asarray(emitter.aim)
         c0 = emitter.c0
         if c0 is None:
-            # Where the lamp is aimed along its own x, its z serves: −z for +x, as when it is turned
+            # Where the lamp is aimed along its own x, its z serves: +z for +x, as when it is turned
             # about its y.
             along = float(x @ aim)
             c0 = x if np.sqrt(max(0.0, 1.0 - along**2)) > _ALONG else np.sign(along) * z

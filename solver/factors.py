@@ -115,6 +115,8 @@ def point_form_factors(
     """
     x, n = _receivers(points, normals)
     _check_options(accuracy, visibility)
+    _check_patches("sources", sources)
+    _check_patches("blockers", blockers, optional=True)
     if method == "nn93":
         from .nn93 import nn93_form_factors
 
@@ -142,6 +144,8 @@ def form_factors(
     ----------
     elements : Elements or PatchSet
         n elements with q nodes each; a `PatchSet` gives one element with 2 x 2 nodes a patch.
+        The factor of a whole element is the mean over its nodes by ``Elements.weights``: of four
+        nodes to some percent where elements touch, the better the smaller they are.
     blockers, accuracy, visibility
         As in `point_form_factors`.
 
@@ -156,7 +160,9 @@ def form_factors(
         As `point_form_factors`; `GeometryError` if a patch has no area.
     """
     _check_options(accuracy, visibility)
-    if isinstance(elements, PatchSet):
+    _check_patches("blockers", blockers, optional=True)
+    if not isinstance(elements, Elements):
+        _check_patches("elements", elements)
         from .mesh import make_elements
 
         count = len(elements)
@@ -186,6 +192,11 @@ def _check_options(accuracy: float, visibility: str) -> None:
         raise InputError(f"accuracy = {accuracy}: must lie between 0 and 1")
     if visibility not in ("auto", "strict", "none"):
         raise InputError(f"visibility = {visibility!r}: must be 'auto', 'strict' or 'none'")
+
+
+def _check_patches(name: str, given: object, *, optional: bool = False) -> None:
+    if not (isinstance(given, PatchSet) or (optional and given is None)):
+        raise InputError(f"{name}: a {type(given).__name__}, but a PatchSet was expected")
 
 
 def _receivers(points: ArrayLike, normals: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -261,7 +272,8 @@ def _plain(receivers: Receivers, prepared: Prepared, accuracy: float) -> Rows:
     seen = plain.factors[:, bent]
     away = np.linalg.norm(x[:, None] - sources.spheres[bent, :3], axis=2)
     apparent = np.minimum((sources.spheres[bent, 3] / np.maximum(away, 1e-300)) ** 2, 1.0)
-    share = np.where(accuracy * seen > ABSOLUTE, seen / apparent, 1.0).min(axis=1, initial=1.0)
+    least = np.maximum(seen, ABSOLUTE / accuracy)  # no more is asked of what is smaller
+    share = np.where(seen > 0.0, least / apparent, 1.0).min(axis=1, initial=1.0)
     digits = np.ceil(np.log10(_GRAZING / share))
     for more in np.unique(digits[digits > 0.0]):
         rows = np.flatnonzero(digits == more)

@@ -23,15 +23,21 @@ class MeshError:
     Attributes
     ----------
     misplaced, lacking : float
-        Share of the reflected light in the wrong place, and of all flux that the ledger lacks.
+        Share of the lamps' reflected light in the wrong place, and of all flux that the ledger
+        lacks.
     """
 
     misplaced: float
     lacking: float
 
-    def of(self, light: FloatArray, change: FloatArray | float = 0.0) -> FloatArray:
-        """Error (m,) of indirect ``light`` (m,), given what is left of its ``change``. [lx]"""
-        least = OF_MISPLACED * self.misplaced * light
+    def of(
+        self, light: FloatArray, of_lamps: FloatArray, change: FloatArray | float = 0.0
+    ) -> FloatArray:
+        """Error (m,) of indirect ``light`` (m,), given what is left of its ``change``. [lx]
+
+        ``of_lamps`` (m,) is the part of it that comes from lamps.
+        """
+        least = OF_MISPLACED * self.misplaced * of_lamps
         return np.asarray(np.maximum(change, least) + self.lacking * light)
 
 

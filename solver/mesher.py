@@ -70,7 +70,14 @@ class Mesher:
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
         lamps = int((self.scene.luminaire_index >= 0).sum())
-        if most <= len(boxes) or lamps == 0 or not fits(most):
+        if lamps == 0:
+            return boxes, 0.0
+        if most <= len(boxes) or not fits(most):
+            self.stages.skipped["refinement"] = (
+                f"the mesh has {len(boxes)} elements, as many as it may"
+                if most <= len(boxes)
+                else f"the memory that is free does not hold {most} elements"
+            )
             return boxes, 0.0
         if lamps > max(MANY_LAMPS, len(boxes) // 5):
             # To look at 20 points of each element would cost more than the form factors.

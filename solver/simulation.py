@@ -195,8 +195,8 @@ class _Simulation:
         finer one misplaces. What the ledger lacks counts besides.
         """
         error = MeshError(field.misplaced, abs(self._balance(field, solver).residual_fraction))
-        light = {name: g.luminous("indirect") for name, g in grids.items()}
-        on_elements = field.light.luminous("indirect")
+        light = {name: self._indirect(g) for name, g in grids.items()}
+        on_elements = self._indirect(field.light)
         budget = self.budget.coarser(self.scene)
         reason = ""
         if not field.all_reflected.any():
@@ -211,17 +211,23 @@ class _Simulation:
             )
         if reason:
             self.stages.skipped["mesh check"] = reason
-            return {name: error.of(own) for name, own in light.items()}, error.of(on_elements)
+            return {name: error.of(*own) for name, own in light.items()}, error.of(*on_elements)
         if coarse is None:
             coarse = solver.solve(budget, name="mesh check")
         rest, errors = left_of_change(field, coarse), {}
         for grid in self.scene.sensors:
             own = light[grid.name]
-            change = own - solver.gather_indirect(grid, budget, coarse)
+            change = own[0] - solver.gather_indirect(grid, budget, coarse)
             # One sensor's change may pass through zero: none is below the root mean square.
             change = np.maximum(np.abs(change), np.sqrt(np.mean(change**2)))
-            errors[grid.name] = error.of(own, rest * change)
-        return errors, error.of(on_elements, rest * element_shift(field, coarse))
+            errors[grid.name] = error.of(*own, rest * change)
+        return errors, error.of(*on_elements, rest * element_shift(field, coarse))
+
+    def _indirect(self, light: Gathered) -> tuple[FloatArray, FloatArray]:
+        """Indirect illuminance (m,), and the part of it that comes from lamps. [lx]"""
+        groups = dict.fromkeys(lamp.group for lamp in self.scene.luminaires)
+        own = [luminous(light.components[f"{group}.indirect"]) for group in groups]
+        return light.luminous("indirect"), np.asarray(sum(own, np.zeros(len(light.deviation))))
 
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]

@@ -139,7 +139,7 @@ class WebField:
             light = lamp.traced(receivers, self.blockers, budget.divisions, **how)
         else:
             own = np.flatnonzero(surfaces.lamp == lamp.row)
-            elements = lamp.elements(budget.divisions)
+            elements = surfaces.elements.take(own)
             plain = lamp.plain_factors(receivers, elements, self.blockers, eps=how["eps"])
             light = lamp.light(
                 receivers,

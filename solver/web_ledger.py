@@ -7,12 +7,13 @@ each of the same flux, spread by the web and by the area that each face shows to
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .model.arrays import FloatArray
 from .model.bezier import gauss_rule, surface_points
+from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
 from .raycast import RayCaster
@@ -44,14 +45,15 @@ def with_webs(
     by_group = dict(balance.emitted_by_group)
     rays = max(_LEAST_RAYS, RAYS // len(lamps))
     for done, lamp in enumerate(lamps):
-        own = surfaces.lamp == lamp.row
-        # Buried parts of elements emit nothing, as those of other lamps.
-        flux = lamp.luminaire.exitance_lm_m2 * float(surfaces.areas[own].sum())
+        own = np.flatnonzero(surfaces.lamp == lamp.row)
+        faces = Faces.of(surfaces.elements.take(own))
+        sent = lamp.sent * faces.open_share(lamp.towards)
+        flux = lamp.luminaire.flux_lm * float(sent.sum())
         group = lamp.luminaire.group
         by_group[group] = by_group.get(group, 0.0) + flux
         emitted += flux
         if caster is not None:
-            escaped += flux * escaping_share(lamp, scene, caster, rays)
+            escaped += flux * escaping_share(faces, lamp.towards, sent, scene, caster, rays)
         tell(done + 1, len(lamps))
     return replace(
         balance,
@@ -61,9 +63,56 @@ def with_webs(
     )
 
 
-def escaping_share(lamp: WebLamp, scene: SceneData, caster: RayCaster, rays: int = RAYS) -> float:
-    """Share of a lamp's light that meets nothing."""
-    origins, directions = emitted_rays(lamp, scene, rays)
+@dataclass(frozen=True, slots=True, eq=False)
+class Faces:
+    """Points (n, 3) on emitting faces, and the area vectors (n, 3) they stand for. [m²]
+
+    ``open`` is the share (n,) of each that is not buried: what is buried emits nothing, though the
+    lamp has the luminance of all of it.
+    """
+
+    points: FloatArray
+    vectors: FloatArray
+    open: FloatArray
+
+    @classmethod
+    def of(cls, elements: Elements) -> Faces:
+        t, w = gauss_rule(_NODES)
+        u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
+        points, su, sv = surface_points(elements.nets, u, v)
+        vectors = np.cross(su, sv) * np.outer(w, w).ravel()[:, None]
+        kept = np.where(elements.buried, 0.0, elements.weights).sum(axis=1) / elements.areas
+        return cls(points.reshape(-1, 3), vectors.reshape(-1, 3), np.repeat(kept, len(u)))
+
+    def shown(self, directions: FloatArray) -> FloatArray:
+        """Projected area (m, n) of each point towards unit directions (m, 3). [m²]"""
+        return np.maximum(directions @ self.vectors.T, 0.0)
+
+    def open_share(self, directions: FloatArray) -> FloatArray:
+        """Share (m,) of the area projected on directions (m, 3) that is not buried."""
+        if (self.open == 1.0).all():
+            return np.ones(len(directions))
+        out = np.empty(len(directions))
+        for first in range(0, len(out), 1024):
+            rows = slice(first, first + 1024)
+            shown = self.shown(directions[rows])
+            whole = shown.sum(axis=1)
+            out[rows] = shown @ self.open / np.where(whole > 0.0, whole, 1.0)
+        return out
+
+
+def escaping_share(
+    faces: Faces,
+    towards: FloatArray,
+    sent: FloatArray,
+    scene: SceneData,
+    caster: RayCaster,
+    rays: int = RAYS,
+) -> float:
+    """Share of the light that ``faces`` send ``towards`` directions (k, 3) that meets nothing."""
+    if not sent.sum() > 0.0:
+        return 0.0
+    origins, directions = emitted_rays(faces, towards, sent, rays)
     low, high = scene.patches.bounds()
     start = _START * float(np.linalg.norm(high - low))
     missed = 0
@@ -74,20 +123,20 @@ def escaping_share(lamp: WebLamp, scene: SceneData, caster: RayCaster, rays: int
     return missed / rays
 
 
-def emitted_rays(lamp: WebLamp, scene: SceneData, rays: int) -> tuple[FloatArray, FloatArray]:
-    """Origins and unit directions (rays, 3) of equal shares of a lamp's light."""
+def emitted_rays(
+    faces: Faces, towards: FloatArray, sent: FloatArray, rays: int
+) -> tuple[FloatArray, FloatArray]:
+    """Origins and unit directions (rays, 3) of equal shares of the light."""
     u = np.mod(0.5 + np.arange(1, rays + 1)[:, None] * _EVEN, 1.0)
     # One number for the direction at equal steps, the next for the place: together even.
     t = (np.arange(rays) + 0.5) / rays
-    directions = lamp.towards[_picked(lamp.sent, t)]
-    points, vectors = _places(lamp, scene)
+    directions = towards[_picked(sent, t)]
     origins = np.empty((rays, 3))
     for first in range(0, rays, 1024):
         rows = slice(first, min(first + 1024, rays))
-        shown = np.maximum(directions[rows] @ vectors.T, 0.0)
-        sums = np.cumsum(shown, axis=1)
+        sums = np.cumsum(faces.shown(directions[rows]) * faces.open, axis=1)
         aim = u[rows, :1] * sums[:, -1:]
-        origins[rows] = points[np.minimum((sums <= aim).sum(axis=1), len(points) - 1)]
+        origins[rows] = faces.points[np.minimum((sums <= aim).sum(axis=1), len(faces.points) - 1)]
     return origins, directions
 
 
@@ -95,16 +144,3 @@ def _picked(weights: FloatArray, t: FloatArray) -> np.ndarray:
     """Rows in proportion to ``weights``, for numbers t in 0 … 1."""
     sums = np.cumsum(weights)
     return np.minimum(np.searchsorted(sums, t * sums[-1], side="right"), len(weights) - 1)
-
-
-def _places(lamp: WebLamp, scene: SceneData) -> tuple[FloatArray, FloatArray]:
-    """Points (n, 3) on the emitting faces and the area vectors they stand for."""
-    nets = scene.patches.control_points[lamp.patches].copy()
-    turned = lamp.sides == 1
-    nets[turned] = nets[turned][:, ::-1]
-    t, w = gauss_rule(_NODES)
-    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
-    shape = (len(nets), len(u))
-    points, su, sv = surface_points(nets, np.broadcast_to(u, shape), np.broadcast_to(v, shape))
-    vectors = np.cross(su, sv) * np.outer(w, w).ravel()[:, None]
-    return points.reshape(-1, 3), vectors.reshape(-1, 3)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -284,9 +284,8 @@ class WebLamp:
             nodes=1,
         )
         index = patches[own.patch_index]
-        kept = self.scene.luminaire_index[index, own.side] == self.row
-        values = {f.name: getattr(own, f.name)[kept] for f in fields(Elements)}
-        return replace(own, **{**values, "patch_index": index[kept]})
+        kept = np.flatnonzero(self.scene.luminaire_index[index, own.side] == self.row)
+        return replace(own.take(kept), patch_index=index[kept])
 
 
 def _finest(tables: WebTables) -> tuple[float, bool]:
@@ -295,5 +294,5 @@ def _finest(tables: WebTables) -> tuple[float, bool]:
     change = np.abs(np.diff(tables.candela, axis=1)).max(axis=0) / peak
     steps = np.diff(tables.gamma)
     around = float(np.abs(np.diff(tables.candela, axis=0)).max()) / peak
-    bends = change > 0.5 * change.max()
+    bends = change >= 0.5 * change.max()
     return float(steps[bends].min()), bool(max(change.max(), around) > _SHARP)

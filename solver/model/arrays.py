@@ -38,7 +38,8 @@ def check_finite(name: str, array: NDArray[Any]) -> None:
     """Raise `InputError` naming the first entry of ``array`` that is not finite."""
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise InputError(f"{name}{list(where)} = {array[where]}: must be finite")
+        place = list(where) if where else ""
+        raise InputError(f"{name}{place} = {array[where]}: must be finite")
 
 
 def unit_vector(name: str, vector: ArrayLike) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -59,6 +59,10 @@ class Elements:
             array = frozen(getattr(self, name), dtype)
             check_shape(f"Elements.{name}", array, shape)
             object.__setattr__(self, name, array)
+
+    def take(self, rows: IntArray) -> Elements:
+        """Some of them."""
+        return Elements(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def __len__(self) -> int:
         return len(self.areas)

@@ -20,9 +20,12 @@ LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
 
 def _reflectance(name: str, value: object) -> Reflectance:
     """A scalar or a linear RGB triple in [0, 1]."""
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
     if array.shape not in ((), (3,)):
-        raise InputError(f"{name} = {value}: expected a number or a linear (r, g, b) triple")
+        raise InputError(f"{name} = {value!r}: expected a number or a linear (r, g, b) triple")
     check_finite(name, array)
     if (array < 0.0).any() or (array > 1.0).any():
         raise InputError(f"{name} = {value}: must lie between 0 and 1")

@@ -614,6 +614,18 @@ def test_sphere_to_sphere(r1, r2, distance, expected):
     assert found == pytest.approx(expected, abs=3e-10)
 
 
+@pytest.mark.parametrize("accuracy", [3e-4, 1e-5])
+def test_what_is_next_to_nothing_is_that_within_its_error(accuracy):
+    """1.5 mm of a disc over the horizon: F = 2e-8, of which 1e-12 at most may be wrong."""
+    disk = PatchSet.disk((0, 0, 1), 0.9, (0, 0, -1))
+    tilt = math.atan2(0.9 - 1.5e-3, 1.0)
+    normal = (math.cos(tilt), 0.0, -math.sin(tilt))
+    true = point_form_factors((0, 0, 0), normal, disk, accuracy=1e-9).value
+    found = point_form_factors((0, 0, 0), normal, disk, accuracy=accuracy)
+    assert 0.0 < true.sum() < 1e-6
+    assert (found.low <= true + 1e-13).all() and (true <= found.high + 1e-13).all()
+
+
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-6])
 def test_what_is_seen_at_a_grazing_angle_is_as_accurate(accuracy):
     """Of little factor against their size: aslant, and just over the horizon.

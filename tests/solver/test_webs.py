@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from patchlight.solver.model import Camera, PatchSet, Photometry, Web
 from patchlight.solver.simulation import solve
-from patchlight.solver.web_ledger import escaping_share
+from patchlight.solver.web_ledger import Faces, escaping_share
 from patchlight.solver.web_shape import WebShape, directions
 from patchlight.solver.webs import WebLamp
 
@@ -203,7 +203,7 @@ def test_superposition_of_two_lamps():
         lamps[row] = dataclasses.replace(lamps[row], flux_lm=0.0)
         one = dataclasses.replace(both, luminaires=tuple(lamps))
         alone = solve(one, accuracy=0.1).sensors["g"]
-        # Sensors see the lamps by pyramids. What is reflected depends on the mesh, which follows the
+        # Sensors see the lamps by pyramids. What is reflected depends on the mesh, and that on the
         # lamps: to what both state as their errors.
         for part, tolerance in (("direct", 1e-3), ("indirect", np.inf)):
             key = f"{group}.{part}"
@@ -315,8 +315,56 @@ def test_rays_from_a_lamp_alone_all_escape():
     data = with_web(scene(setup(lamp), lamps=[(0, "lamp", 1.0)], rho=0.0), uneven())
     from patchlight.solver.raycast import RayCaster
 
-    share = escaping_share(WebLamp(data, 0, 0.1), data, RayCaster(data.patches), 4096)
-    assert share == 1.0
+    web = WebLamp(data, 0, 0.1)
+    faces = Faces.of(web.elements(np.ones((len(data.patches), 2), dtype=np.int64)))
+    caster = RayCaster(data.patches)
+    assert escaping_share(faces, web.towards, web.sent, data, caster, 4096) == 1.0
+
+
+def test_what_is_buried_of_a_lamp_emits_nothing():
+    """A box half sunk into a slab, light straight down: the open lower half has all of it."""
+    slab = Body(PatchSet.box((2.0, 2.0, 0.4), center=(0, 0, 2.2)))
+    room = Body(PatchSet.box((4, 5, 2.7), center=(0, 0, 1.35), inward=True))
+    lamp = Body(PatchSet.box((0.3, 0.3, 0.2), center=(0, 0, 2.0)))
+    data = scene(setup(room, slab, lamp), lamps=[(2, "lamp", 1.0)], rho=0.3)
+    balance = solve(with_web(data, beam(), flux=1000.0), accuracy=0.1).balance
+    # A beam of some degrees shows the sides, half of them buried, by a few per cent.
+    assert balance.emitted_lm == pytest.approx(1000.0, rel=0.03)
+    assert abs(balance.residual_fraction) < 2e-2
+
+
+def test_faces_of_a_lamp_may_be_cut_for_the_light_of_others():
+    """A web on a reflecting panel beside a bright bulb: cut, its light is the same."""
+    room = Body(PatchSet.box((4, 5, 2.7), center=(0, 0, 1.35), inward=True))
+    panel, bulb = (
+        ceiling(-0.3, 0.3, -0.3, 0.3, 2.5),
+        Body(PatchSet.box((0.04,) * 3, (0.2, 0.2, 2.42))),
+    )
+    points = grid("g", [(0.3, 0.4, 0.8), (-1.0, 0.3, 0.8)])
+    setting = setup(room, panel, bulb)
+    both = scene(setting, lamps=[(1, "web", 1.0), (2, "bulb", 2e4)], rho=0.5, sensors=[points])
+    alone = scene(setting, lamps=[(1, "web", 1.0), (2, "bulb", 0.0)], rho=0.5, sensors=[points])
+    found, true = (
+        solve(with_web(data, cosine(), flux=1000.0), accuracy=0.1) for data in (both, alone)
+    )
+    assert found.counters["elements_added"] > 0
+    assert found.balance.emitted_by_group["web"] == pytest.approx(1000.0, rel=1e-9)
+    key = "web.direct"
+    np.testing.assert_allclose(
+        found.sensors["g"].components[key], true.sensors["g"].components[key], rtol=2e-3
+    )
+    # As the same panel without a web: the bulb is close to it for so coarse a mesh.
+    assert abs(found.balance.residual_fraction) < 0.1
+
+
+def test_a_web_that_is_the_same_in_all_directions():
+    """An isotropic file: E = I / r² at every place around a ball."""
+    level = Photometry([0.0, 360.0], np.array([0.0, 90.0, 180.0]), np.full((2, 3), 80.0))
+    ball = Body(PatchSet.sphere((0, 0, 0), 0.02))
+    points = 3.0 * np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -0.6, -0.8]])
+    data = scene(setup(ball), lamps=[(0, "lamp", 1.0)], rho=0.0)
+    data = dataclasses.replace(data, sensors=(grid("g", points, -points / 3.0),))
+    np.testing.assert_allclose(direct(with_web(data, level)), 80.0 / 9.0, rtol=5e-3)
 
 
 def test_cameras_see_the_luminance_of_their_direction():
