@@ -187,9 +187,11 @@ def test_a_signal_ends_the_workers_too(tmp_path, number):
         (tmp_path / f"{name}.step").write_text("ISO-10303-21;")
     sleep = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(60)"
     code = f"""
-import subprocess, sys
+import signal, subprocess, sys
 from patchlight.pipeline import workers
 from patchlight.pipeline.cli import main
+# Jobs in the background of a script begin with it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 real = subprocess.Popen
 def slow(command, **options):
     return real([sys.executable, "-c", {sleep!r}], **options)
