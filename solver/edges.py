@@ -8,7 +8,7 @@ import numpy as np
 
 from .kernels.edges import Edges
 from .model.arrays import FloatArray, IntArray, unique_rows
-from .model.bezier import gauss_rule, surface_points
+from .model.bezier import area_points, gauss_rule, surface_points
 from .topology import writable
 
 #: Gauss nodes on an edge, and along u and v inside an element.
@@ -85,9 +85,7 @@ def make_edges(
     if shared:
         fine, along = _on_edges(unique, patch_nets, *gauss_rule(_FINE_NODES))
         missed = np.cross(fine - origin, along).sum(axis=1) - moment.sum(axis=1)
-    u, v = (g.ravel() for g in np.meshgrid(rule, rule, indexing="ij"))
-    inside, su, sv = surface_points(nets, u, v)
-    area = np.cross(su, sv) * np.outer(weight, weight).ravel()[:, None]
+    inside, area = area_points(nets, EDGE_NODES)
     return Edges(
         edge_origin=writable(origin),
         edge_point=writable(point.transpose(2, 1, 0)),

@@ -195,8 +195,9 @@ class _Simulation:
         finer one misplaces. What the ledger lacks counts besides.
         """
         error = MeshError(field.misplaced, abs(self._balance(field, solver).residual_fraction))
-        light = {name: self._indirect(g) for name, g in grids.items()}
-        on_elements = self._indirect(field.light)
+        lamps = solver.lamp_groups
+        light = {name: _indirect(g, lamps) for name, g in grids.items()}
+        on_elements = _indirect(field.light, lamps)
         budget = self.budget.coarser(self.scene)
         reason = ""
         if not field.all_reflected.any():
@@ -223,12 +224,6 @@ class _Simulation:
             errors[grid.name] = error.of(*own, rest * change)
         return errors, error.of(*on_elements, rest * element_shift(field, coarse))
 
-    def _indirect(self, light: Gathered) -> tuple[FloatArray, FloatArray]:
-        """Indirect illuminance (m,), and the part of it that comes from lamps. [lx]"""
-        groups = dict.fromkeys(lamp.group for lamp in self.scene.luminaires)
-        own = [luminous(light.components[f"{group}.indirect"]) for group in groups]
-        return light.luminous("indirect"), np.asarray(sum(own, np.zeros(len(light.deviation))))
-
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]
         components = {name: luminous(v) for name, v in gathered.components.items()}
@@ -246,12 +241,11 @@ class _Simulation:
 
     def _balance(self, field: Field, solver: FieldSolver) -> Balance:
         surfaces, light = field.surfaces, field.light
-        lamps = {lamp.group for lamp in self.scene.luminaires}
         nothing = np.zeros_like(surfaces.emitted)
         entered = [
             values
             for name, values in light.components.items()
-            if name.endswith(".direct") and name.rsplit(".", 1)[0] not in lamps
+            if name.endswith(".direct") and name.rsplit(".", 1)[0] not in solver.lamp_groups
         ]
         balance = make_balance(
             self.scene,
@@ -338,6 +332,12 @@ class _Simulation:
                 if relative[int(0.95 * (len(relative) - 1))] > self.budget.accuracy:
                     return False
         return True
+
+
+def _indirect(light: Gathered, lamp_groups: list[str]) -> tuple[FloatArray, FloatArray]:
+    """Indirect illuminance (m,), and the part of it that comes from lamps. [lx]"""
+    own = [luminous(light.components[f"{group}.indirect"]) for group in lamp_groups]
+    return light.luminous("indirect"), np.asarray(sum(own, np.zeros(len(light.deviation))))
 
 
 def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:

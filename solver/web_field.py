@@ -11,7 +11,7 @@ import numpy as np
 from .exchange import Rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import gauss_rule, surface_points
+from .model.bezier import area_points
 from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
@@ -136,43 +136,41 @@ class WebField:
             "count": self.stages.count,
         }
         if self.trace and fine:
-            light = lamp.traced(receivers, self.blockers, budget.divisions, **how)
-        else:
-            own = np.flatnonzero(surfaces.lamp == lamp.row)
-            elements = surfaces.elements.take(own)
-            plain = lamp.plain_factors(receivers, elements, self.blockers, eps=how["eps"])
-            light = lamp.light(
+            return lamp.refined(
                 receivers,
-                elements,
-                rows.factors[:, own],
-                rows.variances[:, own],
-                plain,
-                coarse=not fine,
-                levels=LEVELS if fine else LEVELS_COARSE,
+                lamp.traced(receivers, self.blockers, budget.divisions, **how),
+                self.blockers,
+                budget.divisions,
+                accuracy=PARTLY * budget.accuracy,
+                cuts=CUTS,
+                **how,
             )
-            if not fine:
-                for some, dense in _denser(lamp, surfaces.elements, elements):
-                    better = lamp.light(
-                        dense,
-                        elements,
-                        rows.factors[np.ix_(some, own)],
-                        rows.variances[np.ix_(some, own)],
-                        plain[some],
-                        coarse=True,
-                        levels=LEVELS_DENSE,
-                    )
-                    light = light.put(some, better)
-        if not (self.trace and fine):
-            return light
-        return lamp.refined(
+        own = np.flatnonzero(surfaces.lamp == lamp.row)
+        elements = surfaces.elements.take(own)
+        plain = lamp.plain_factors(receivers, elements, self.blockers, eps=how["eps"])
+        light = lamp.light(
             receivers,
-            light,
-            self.blockers,
-            budget.divisions,
-            accuracy=PARTLY * budget.accuracy,
-            cuts=CUTS,
-            **how,
+            elements,
+            rows.factors[:, own],
+            rows.variances[:, own],
+            plain,
+            coarse=not fine,
+            levels=LEVELS if fine else LEVELS_COARSE,
         )
+        if fine:
+            return light
+        for some, dense in _denser(lamp, surfaces.elements, elements):
+            better = lamp.light(
+                dense,
+                elements,
+                rows.factors[np.ix_(some, own)],
+                rows.variances[np.ix_(some, own)],
+                plain[some],
+                coarse=True,
+                levels=LEVELS_DENSE,
+            )
+            light = light.put(some, better)
+        return light
 
 
 def _denser(
@@ -203,17 +201,11 @@ def _denser(
 
 def _with_nodes(elements: Elements, rows: IntArray, order: int) -> Receivers:
     """Some elements with ``order`` Gauss nodes a direction."""
-    nets = elements.nets[rows]
-    t, w = gauss_rule(order)
-    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
-    shape = (len(nets), len(u))
-    points, su, sv = surface_points(nets, np.broadcast_to(u, shape), np.broadcast_to(v, shape))
-    normals = np.cross(su, sv)
-    length = np.linalg.norm(normals, axis=2)
-    share = length * np.outer(w, w).ravel()
+    points, vectors = area_points(elements.nets[rows], order)
+    share = np.linalg.norm(vectors, axis=2)
     return Receivers(
         points,
-        normals / np.where(length > 0.0, length, 1.0)[..., None],
+        vectors / np.where(share > 0.0, share, 1.0)[..., None],
         share / share.sum(axis=1)[:, None],
         elements.patch_index[rows],
         rows,

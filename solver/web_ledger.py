@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .model.arrays import FloatArray
-from .model.bezier import gauss_rule, surface_points
+from .model.bezier import area_points
 from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
@@ -77,12 +77,9 @@ class Faces:
 
     @classmethod
     def of(cls, elements: Elements) -> Faces:
-        t, w = gauss_rule(_NODES)
-        u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
-        points, su, sv = surface_points(elements.nets, u, v)
-        vectors = np.cross(su, sv) * np.outer(w, w).ravel()[:, None]
+        points, vectors = area_points(elements.nets, _NODES)
         kept = np.where(elements.buried, 0.0, elements.weights).sum(axis=1) / elements.areas
-        return cls(points.reshape(-1, 3), vectors.reshape(-1, 3), np.repeat(kept, len(u)))
+        return cls(points.reshape(-1, 3), vectors.reshape(-1, 3), np.repeat(kept, points.shape[1]))
 
     def shown(self, directions: FloatArray) -> FloatArray:
         """Projected area (m, n) of each point towards unit directions (m, 3). [m²]"""

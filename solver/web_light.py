@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .kernels.webs import SAMPLES
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import surface_points
 from .topology import bounding_spheres
@@ -40,10 +39,7 @@ class WebPieces:
             [(u + s * a, v + s * b, 0.25 * s * s) for u, v, s in squares for a in (low, high)
              for b in (low, high)]
         )  # fmt: skip
-        shape = (len(nets), SAMPLES)
-        points, su, sv = surface_points(
-            nets, np.broadcast_to(at[:, 0], shape), np.broadcast_to(at[:, 1], shape)
-        )
+        points, su, sv = surface_points(nets, at[:, 0], at[:, 1])
         return cls(nets, bounding_spheres(nets), points, np.cross(su, sv) * at[:, 2, None])
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import areas, gauss_rule, surface_points
+from .model.bezier import area_points, areas, gauss_rule
 from .model.patches import PatchSet
 from .model.photometry import Web
 
@@ -42,12 +42,7 @@ class WebShape:
         nets = patches.control_points.copy()
         turned = np.asarray(turned, dtype=bool)
         nets[turned] = nets[turned][:, ::-1]
-        t, w = gauss_rule(_NODES)
-        u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
-        weight = np.outer(w, w).ravel()
-        shape = (len(nets), len(u))
-        _, su, sv = surface_points(nets, np.broadcast_to(u, shape), np.broadcast_to(v, shape))
-        vectors = np.cross(su, sv) * weight[:, None]
+        _, vectors = area_points(nets, _NODES)
         size = np.linalg.norm(vectors, axis=2)
         total = vectors.sum(axis=1)
         length = np.linalg.norm(total, axis=1)

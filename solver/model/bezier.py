@@ -143,6 +143,17 @@ def gauss_rule(order: int) -> tuple[FloatArray, FloatArray]:
     return frozen(0.5 * (x + 1.0)), frozen(0.5 * w)
 
 
+def area_points(nets: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss points (n, k, 3) of nets (n, 4, 4, 4) and the area vectors they stand for. [m], [m²]
+
+    ``order`` points a direction, k of them in all; the vectors lie along the +normal.
+    """
+    t, w = gauss_rule(order)
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
+    points, su, sv = surface_points(nets, u, v)
+    return points, np.cross(su, sv) * np.outer(w, w).ravel()[:, None]
+
+
 def areas(nets: FloatArray, *, order: int = 6, pieces: int = 2) -> FloatArray:
     """Areas (n,) of nets (n, 4, 4, 4) by composite Gauss quadrature of |∂u × ∂v|. [m²]
 

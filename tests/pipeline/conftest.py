@@ -58,3 +58,11 @@ def house() -> Model:
         },
         colors={"desk": (0.5, 0.25, 0.1)},
     )
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, house):
+    """A folder with a room.step whose reading gives `house`."""
+    (tmp_path / "room.step").write_text("ISO-10303-21;")
+    monkeypatch.setattr("patchlight.importers.read_step", lambda path, **options: house)
+    return tmp_path

@@ -11,21 +11,9 @@ from patchlight.pipeline.cli import main
 from patchlight.pipeline.scene_file import read_scene_file, resolved_config
 from patchlight.solver.errors import InputError, MissingFileError
 
+from .scene_files import write
+
 HEAD = 'schema_version = 1\n[[model]]\nfile = "room.step"\nname = "room"\n'
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch, house):
-    """A folder with a room.step whose reading gives `house`."""
-    (tmp_path / "room.step").write_text("ISO-10303-21;")
-    monkeypatch.setattr("patchlight.importers.read_step", lambda path, **options: house)
-    return tmp_path
-
-
-def write(folder, text):
-    path = folder / "scene.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 FULL = """\

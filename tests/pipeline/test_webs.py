@@ -10,6 +10,8 @@ from patchlight.pipeline import Emitter, PatchSet, Photometry, Scene, load_scene
 from patchlight.pipeline.scene_file import photometry_files, read_scene_file, resolved_config
 from patchlight.solver.errors import InputError, MissingFileError
 
+from .scene_files import write
+
 DOWN = np.arange(0.0, 91.0, 5.0)
 HEAD = 'schema_version = 1\n[[model]]\nfile = "room.step"\nname = "room"\n'
 LAMP = '[[assign]]\nparts = "lamp:1"\nemitter = { photometry = "webs/own.ldt"%s }\n'
@@ -32,19 +34,11 @@ def ldt(flux=2000.0, output=100.0):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, house):
-    """A folder with a room.step whose reading gives `house`, and a photometric file."""
-    (tmp_path / "room.step").write_text("ISO-10303-21;")
-    (tmp_path / "webs").mkdir()
-    (tmp_path / "webs" / "own.ldt").write_text(ldt())
-    monkeypatch.setattr("patchlight.importers.read_step", lambda path, **options: house)
-    return tmp_path
-
-
-def write(folder, text):
-    path = folder / "scene.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
+def folder(folder):
+    """The same with a photometric file."""
+    (folder / "webs").mkdir()
+    (folder / "webs" / "own.ldt").write_text(ldt())
+    return folder
 
 
 def panel_scene(emitter, *, at=(0.0, 0.0, 0.0), **options):
