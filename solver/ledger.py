@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .exchange import products
-from .model.arrays import FloatArray, IntArray, MatrixArray
+from .model.arrays import FloatArray, IntArray
 from .model.result import Balance, luminous
 from .model.scene import SceneData
 
@@ -27,7 +26,7 @@ def ledger_warning(balance: Balance) -> tuple[str, ...]:
 def make_balance(
     scene: SceneData,
     areas: FloatArray,
-    factors: MatrixArray,
+    kept: FloatArray,
     reflectance: FloatArray,
     emitted: FloatArray,
     reflected: FloatArray,
@@ -45,8 +44,8 @@ def make_balance(
     ----------
     areas : (n,) array
         Areas that take part in the exchange. [m²]
-    factors : (n, n) array
-        Form factors.
+    kept : (n,) array
+        Share of the light leaving each that meets the scene again, Σ_j F_ij.
     reflectance, emitted, reflected, irradiance, entered : (n, b) array
         By band; ``entered`` is the irradiance from sky, sun and ground.
     material, lamp : (n,) int array
@@ -69,7 +68,7 @@ def make_balance(
         emitted_lm=float(source.sum()),
         entered_lm=float((luminous(entered) * areas).sum()),
         absorbed_lm=float(absorbed.sum()),
-        escaped_lm=float(leaving @ (1.0 - products(factors, np.ones(len(areas))))),
+        escaped_lm=float(leaving @ (1.0 - kept)),
         absorbed_by_material=by_material,
         emitted_by_group=by_group,
     )
