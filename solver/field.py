@@ -21,6 +21,7 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .radiosity import solve_radiosity
+from .reciprocity import LampShares
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
 from .stages import Stages
@@ -66,6 +67,8 @@ class Field:
         Light on the unknowns.
     sent : dict of (N, b) arrays
         Reflected exitance of the unknowns by light group. [lm/m²]
+    lamp_shares : LampShares
+        What its elements get of lamps near them.
     misplaced : float
         Share of the reflected light that the elements have in the wrong place.
     """
@@ -80,6 +83,7 @@ class Field:
     sees_out: bool
     arriving: Gathered
     sent: dict[str, FloatArray]
+    lamp_shares: LampShares
     misplaced: float = 0.0
 
     @property
@@ -152,7 +156,8 @@ class FieldSolver:
             sees_out = self._sees_out(rows)
             raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
             factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
-        light = self._incidence.on(asked, rows, surfaces, sees_out=sees_out)
+        shares = LampShares.of(rows, surfaces, unknowns)
+        light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
             sent, products = solve_radiosity(factors, rho, light.direct, accuracy=budget.accuracy)
@@ -170,6 +175,7 @@ class FieldSolver:
             sees_out=sees_out,
             arriving=Gathered.of(light, indirect, rows.variance_of(luminous(exitance))),
             sent=sent,
+            lamp_shares=shares,
             misplaced=misplaced,
         )
 
@@ -181,7 +187,9 @@ class FieldSolver:
             asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
             rows = self._factors.rows(asked)
             self._factors.close(rows, 1.0, asked, outside=field.sees_out)
-            light = self._incidence.on(asked, rows, surfaces, sees_out=field.sees_out)
+            light = self._incidence.on(
+                asked, rows, surfaces, some, field.lamp_shares, sees_out=field.sees_out
+            )
             sent = np.concatenate([*field.sent.values()], axis=1)
             how = (asked.receivers, field.sources, budget.moments)
             indirect = unknowns.gather(rows, *how, sent)
@@ -214,7 +222,7 @@ class FieldSolver:
         if not field.sees_out or {"sky", "ground"} <= set(light.direct):
             totals = 1.0 - light.outside
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
-        self._incidence.add_lamps(light, asked, rows, field.surfaces, fine=True)
+        self._incidence.add_lamps(light, asked, rows, field.surfaces)
         return SensorRows(asked, rows, light)
 
     def gather(self, seen: SensorRows, field: Field, finer: Finer) -> tuple[Gathered, FloatArray]:

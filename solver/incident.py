@@ -14,11 +14,13 @@ from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky
+from .reciprocity import LampShares
 from .row_finder import Ask
 from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
+from .unknowns import Unknowns
 from .web_field import WebField
 
 
@@ -90,31 +92,34 @@ class Incidence:
         asked: Ask,
         rows: Rows,
         surfaces: Surfaces,
+        unknowns: Unknowns,
+        shares: LampShares,
         *,
         sees_out: bool,
     ) -> Light:
-        """Direct light on elements, by light group, lamps first; of sky and ground what the
-        meridians of ``rows`` saw of them."""
+        """Direct light on unknowns, by light group, lamps first.
+
+        Of sky and ground it is what the meridians of ``rows`` saw of them.
+        """
         scanned = rows.outside if self.trace else None
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
-        self.add_lamps(light, asked, rows, surfaces)
+        factors = shares.factors(rows, unknowns)
+        emitted = {g: surfaces.emitted_by(self.scene, g)[shares.lamps] for g in self.lamp_groups}
+        self._add(light, {group: factors @ sent for group, sent in emitted.items()})
+        light.variance += self.webs.add(
+            light.direct, rows, surfaces, asked, areas=unknowns.areas
+        )
         return light
 
-    def add_lamps(
-        self,
-        light: Light,
-        asked: Ask,
-        rows: Rows,
-        surfaces: Surfaces,
-        *,
-        fine: bool = False,
-    ) -> None:
-        """Put the direct light of the luminaires before that of sky, sun and ground."""
-        lamps = {
-            group: rows.gather(surfaces.emitted_by(self.scene, group)) for group in self.lamp_groups
-        }
+    def add_lamps(self, light: Light, asked: Ask, rows: Rows, surfaces: Surfaces) -> None:
+        """Add the direct light of the luminaires on sensors."""
+        emitted = {group: surfaces.emitted_by(self.scene, group) for group in self.lamp_groups}
+        self._add(light, {group: rows.gather(sent) for group, sent in emitted.items()})
+        light.variance += self.webs.add(light.direct, rows, surfaces, asked)
+
+    def _add(self, light: Light, lamps: dict[str, FloatArray]) -> None:
+        """Put the light of ``lamps`` before that of sky, sun and ground."""
         light.direct = {**lamps, **light.direct}
-        light.variance += self.webs.add(light.direct, rows, surfaces, asked, fine=fine)
 
     def from_outside(
         self,

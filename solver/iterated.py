@@ -40,6 +40,8 @@ ROWS, SHARE = 4096, 1.0
 #: Light that varies in an element by this share of its mean is taken for the least variation: the
 #: nodes may miss what lies between them.
 LEAST = 0.05
+#: Worth of light that is absorbed, which counts in the flux ledger alone, against what is sent on.
+ABSORBED = 0.1
 #: Importance of light anywhere for what the sensors get, against the mean of what they see.
 ANYWHERE = 0.3
 
@@ -180,10 +182,12 @@ def _as_it_is(field: Field) -> Finer:
 def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
-    sent = luminous(field.all_sent)
-    level = unknowns.mean(sent)
-    spread = np.sqrt(np.maximum(unknowns.mean(sent**2) - level**2, 0.0))
-    worth = (spread + LEAST * level) * surfaces.areas * weights
+    sent, arriving = luminous(field.all_sent), field.arriving.luminous()
+    worth = np.zeros(len(weights))
+    for values, share in ((sent, weights), (arriving, ABSORBED)):
+        level = unknowns.mean(values)
+        spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
+        worth += (spread + LEAST * level) * surfaces.areas * share
     worth[~unknowns.can_halve(surfaces.elements)] = 0.0
     order = np.argsort(-worth, kind="stable")
     order = order[worth[order] > 0.0]

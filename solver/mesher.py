@@ -27,7 +27,7 @@ MANY_LAMPS = 200
 #: Share of what is wrong with the light of a mesh, in the elements that are halved.
 CUT_SHARE = 0.6
 #: Elements smaller than this share of the aimed size get a single node.
-SMALL = 0.2
+SMALL = 0.1
 
 
 class Mesher:
