@@ -13,6 +13,10 @@ from .model.scene import SceneData
 
 #: Elements beyond which the mesh is made coarser instead: time and memory grow with the square.
 MAX_ELEMENTS = 4000
+#: Elements against patches where there are more patches than that: large ones are cut all the same.
+PER_PATCH = 1.3
+#: Elements beyond which each has a single node: they are small then, and rows are what takes time.
+ONE_NODE_ABOVE = 8000
 #: Share and number of elements that may be added where direct light changes.
 MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
@@ -123,28 +127,30 @@ class Budget:
     ) -> Budget:
         patches = scene.patches
         sides = 1 + np.asarray(scene.two_sided, dtype=np.int64)
+        most = max(MAX_ELEMENTS, int(PER_PATCH * sides.sum()))
         for _ in range(60):
             counts = divisions(patches, size)
             total = int((counts.prod(axis=1) * sides).sum())
-            if total <= max(MAX_ELEMENTS, int(sides.sum())) or counts.max() == 1:
+            if total <= most or counts.max() == 1:
                 break
             size *= 1.15
-        if total > MAX_ELEMENTS:
+        if total > most:
             counts = np.ones_like(counts)
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
+        nodes = NODES if total <= ONE_NODE_ABOVE else 1
         return cls(
             accuracy=accuracy,
             size=size,
             divisions=counts,
             elements=total,
-            receivers=total * NODES**2 + sensors,
+            receivers=total * nodes**2 + sensors,
             most_elements=max(
                 total, min(MAX_ELEMENTS, total + max(MORE_AT_LEAST, int(MORE * total)))
             ),
             misplaced=misplaced,
             distance=distance,
-            nodes=NODES,
+            nodes=nodes,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
             lines=int(min(max(5.0 / accuracy, 48), 1024)),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),

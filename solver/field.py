@@ -17,7 +17,7 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky
 from .model.views import Sensors
-from .radiosity import solve_radiosity
+from .radiosity import RadiositySystem
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
 from .skies import ground_luminance, sun_luminance
@@ -159,10 +159,12 @@ class FieldSolver:
         self._add_lamps(light, rows, surfaces)
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, stage=name)
         with self.stages.run(name or "radiosity"):
-            reflected, products = solve_radiosity(
-                rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
+            system = RadiositySystem(
+                rows.factors, surfaces.reflectance, accuracy=budget.accuracy
             )
-        self.stages.count({"matrix_products": products})
+            reflected = system.solve(light.direct)
+        self.stages.figures["spectral_radius"] = system.radius
+        self.stages.count({"matrix_products": system.products})
         gathered = self._gathered(light, rows, surfaces, reflected)
         return Field(
             surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected, misplaced

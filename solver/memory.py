@@ -81,6 +81,21 @@ def check_matrix(rows: int, columns: int, *, pair_bytes: int = DOUBLE_BYTES) -> 
         )
 
 
+def check_bytes(need: int, what: str) -> None:
+    """Raise `OutOfMemoryError` where ``what`` cannot have the memory that it needs. [B]"""
+    free = available_bytes()
+    if free is not None and need > free:
+        raise OutOfMemoryError(
+            f"{what} needs {need / GB:.1f} GB of memory, but only {free / GB:.1f} GB are free"
+        )
+
+
+def has_room(need: int) -> bool:
+    """Whether so much memory is free. [B]"""
+    free = available_bytes()
+    return free is None or need <= free
+
+
 def fits(elements: int, largest_grid: int = 0) -> bool:
     """Whether a mesh can be made; see `needed_bytes`."""
     free = available_bytes()

@@ -151,7 +151,12 @@ class _Simulation:
             stages=stages.seconds,
             skipped=stages.skipped,
             counters=stages.counters,
-            settings={**budget.settings, "visibility": self.visibility, "bands": solver.bands},
+            settings={
+                **budget.settings,
+                **stages.figures,
+                "visibility": self.visibility,
+                "bands": solver.bands,
+            },
             warnings=tuple(stages.warnings),
             converged=self._converged(sensors),
         )
