@@ -11,6 +11,8 @@ from .dome import dome_cells, gather, sun_cells
 from .exchange import Rows, Scan, make_sources
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
+from .large_rows import find_packed
+from .memory import is_packed
 from .mesher import Mesher
 from .model.arrays import FloatArray, MatrixArray
 from .model.result import luminous
@@ -150,9 +152,14 @@ class FieldSolver:
         receivers = Receivers.of_elements(elements)
         with self.stages.run(name or "form factors") as tell:
             asked = Ask(budget, receivers, sources, lifts)
-            rows = self._factors.rows(asked, tell)
-            sees_out = self._sees_out(rows, surfaces.areas > 0.0)
-            row_sums = self._factors.close(rows, 1.0, asked, outside=sees_out)
+            rows: Rows
+            if is_packed(len(receivers.nodes), len(sources.nets)):
+                found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
+                rows, sees_out, row_sums = found
+            else:
+                rows = self._factors.rows(asked, tell)
+                sees_out = self._sees_out(rows, surfaces.areas > 0.0)
+                row_sums = self._factors.close(rows, 1.0, asked, outside=sees_out)
         light = Light({}, *np.zeros((3, len(elements))))
         scanned = rows.outside if self.trace else None
         self._add_dome(light, receivers, budget, sees_out, name, scanned)

@@ -12,7 +12,7 @@ import math
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,6 @@ from .topology import writable
 
 #: Relative rounding of packed factors.
 PACKED_ROUNDING = 2.0**-12
-#: Bytes of a packed pair where nothing is hidden.
-PACKED_BYTES = 2
 #: Share of factors above which a block keeps all of them: a place takes as much as a factor.
 SPARSE_BELOW = 0.5
 #: Numbers of products that are found at a time: light of more groups than that is passed in turn.
@@ -95,15 +93,17 @@ class PackedMatrix:
     ----------
     columns : int
         Elements n that are seen.
-    on_disk : bool
-        Whether what is added goes to a temporary file, which is gone with the matrix.
+    room : int, optional
+        Memory that it may take; what is added beyond goes to a temporary file, which is gone with
+        the matrix. [B]
     """
 
-    def __init__(self, columns: int, *, on_disk: bool = False) -> None:
+    def __init__(self, columns: int, *, room: int | None = None) -> None:
         self._n = columns
         self._blocks: list[_Full | _Sparse] = []
         self._first = [0]
-        self._file = tempfile.TemporaryFile(prefix="patchlight-") if on_disk else None
+        self._room, self._held = room, 0
+        self._file: IO[bytes] | None = None
         self._end = 0
 
     @property
@@ -115,9 +115,14 @@ class PackedMatrix:
         return self._first[-1]
 
     @property
-    def on_disk(self) -> bool:
-        """Whether the blocks lie in a file."""
-        return self._file is not None
+    def blocks(self) -> int:
+        """How many there are."""
+        return len(self._blocks)
+
+    @property
+    def bytes_on_disk(self) -> int:
+        """How much of it lies in a file. [B]"""
+        return self._end
 
     @property
     def nbytes(self) -> int:
@@ -151,8 +156,11 @@ class PackedMatrix:
 
     def _kept(self, array: NDArray[Any]) -> NDArray[Any]:
         """The array, or its copy in the file."""
-        if self._file is None or array.size == 0:
+        if self._room is None or self._held + array.nbytes <= self._room or not array.size:
+            self._held += array.nbytes
             return array
+        if self._file is None:
+            self._file = tempfile.TemporaryFile(prefix="patchlight-")
         # Pages are mapped whole.
         offset = -(-self._end // 65536) * 65536
         self._file.truncate(offset + array.nbytes)
