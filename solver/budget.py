@@ -17,6 +17,8 @@ MAX_ELEMENTS = 4000
 PER_PATCH = 1.3
 #: Elements beyond which each has a single node: they are small then, and rows are what takes time.
 ONE_NODE_ABOVE = 8000
+#: Meridians about each node at least, however many elements there are.
+LEAST_LINES = 64
 #: Share and number of elements that may be added where direct light changes.
 MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
@@ -152,7 +154,7 @@ class Budget:
             distance=distance,
             nodes=nodes,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
-            lines=int(min(max(5.0 / accuracy, 48), 1024)),
+            lines=_lines(accuracy, total),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
             sights=int(min(max((3.0 / accuracy) ** (4.0 / 3.0), 64), 4096)),
             exact_above=4.0 * accuracy,
@@ -193,3 +195,14 @@ class Budget:
         sensors = sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
         return _START + cuts + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
+
+
+def _lines(accuracy: float, elements: int) -> int:
+    """Meridians about each node.
+
+    Errors of rows are independent, and what reaches a sensor comes from many of them: the more
+    there are, the fewer meridians each needs. Below 64 few of a row's errors are noise any more.
+    """
+    few = min(1.0, ONE_NODE_ABOVE / elements)
+    most = min(max(5.0 / accuracy, 48.0), 1024.0)
+    return int(max(few * most, min(most, LEAST_LINES)))

@@ -166,9 +166,7 @@ class FieldSolver:
         self._add_lamps(light, rows, surfaces)
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, stage=name)
         with self.stages.run(name or "radiosity"):
-            system = RadiositySystem(
-                rows.factors, surfaces.reflectance, accuracy=budget.accuracy
-            )
+            system = RadiositySystem(rows.factors, surfaces.reflectance, accuracy=budget.accuracy)
             reflected = system.solve(light.direct)
         self.stages.figures["spectral_radius"] = system.radius
         self.stages.count({"matrix_products": system.products})

@@ -86,7 +86,11 @@ def large_room(side: int) -> SceneData:
         luminaire_index=lamp,
         parts=tuple(ScenePart(f"part{k}", "hall", "solid") for k in range(len(bodies))),
         faces=tuple(SceneFace(int(solid[p]), p + 1, "surface") for p in range(n)),
-        materials=(Material(0.6, name="hall"), Material(0.4, name="desks"), Material(0.2, name="lamps")),
+        materials=(
+            Material(0.6, name="hall"),
+            Material(0.4, name="desks"),
+            Material(0.2, name="lamps"),
+        ),
         luminaires=(Luminaire("lamps", "ceiling", EXITANCE * area, area, np.ones(3), 4000.0),),
         sensors=(Sensors("plane", points, np.array([0.0, 0.0, 1.0])),),
     )
