@@ -1,11 +1,11 @@
-"""Rows of form factors of meshes too large for whole matrices: found, closed and packed by blocks."""
+"""Rows of form factors of large meshes: found, closed and packed block by block."""
 
 from __future__ import annotations
 
 import copy
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .exchange import Rows
 from .memory import BLOCK_BYTES, GB, PACKED_BYTES, PAIR_BYTES, packed_room
-from .model.arrays import FloatArray, IntArray
+from .model.arrays import FloatArray
 from .packed import GroupedVariances, PackedMatrix
 from .row_finder import Ask, RowFinder
 from .stages import Stages

@@ -4,7 +4,8 @@ A code is what remains of a single precision number: 5 bits of its exponent and 
 so that rounding is at most 2⁻¹² of each factor. Shifted back by 12 bits it is a number again, and
 the scale of its row brings it to its size. 0 is nothing.
 
-One thread owns one row, or one piece of the result: the numbers do not depend on how many there are.
+One thread owns one row, or one piece of the result: the numbers do not depend on how many
+threads there are.
 """
 
 import math
