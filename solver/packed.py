@@ -134,9 +134,9 @@ class PackedMatrix:
         scales, counts = np.empty(len(factors)), np.empty(len(factors), dtype=np.int64)
         kernels.count_codes(factors, scales, counts)
         if counts.sum() > SPARSE_BELOW * factors.size:
-            codes = np.empty(factors.shape, dtype=np.uint16)
-            kernels.pack_full(factors, scales, codes)
-            self._blocks.append(_Full(self._kept(codes), scales))
+            full = np.empty(factors.shape, dtype=np.uint16)
+            kernels.pack_full(factors, scales, full)
+            self._blocks.append(_Full(self._kept(full), scales))
         else:
             start = np.concatenate([[0], np.cumsum(counts)])
             wide = np.uint16 if self._n <= 2**16 else np.uint32

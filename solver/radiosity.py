@@ -108,7 +108,7 @@ class RadiositySystem:
         out = np.zeros(light.shape)
         band = np.tile(np.arange(bands), len(names))
         flat, found = light.reshape(len(light), -1), out.reshape(len(light), -1)
-        lit = (self.reflectance[:, band] * flat).any(axis=0)
+        lit = np.asarray((self.reflectance[:, band] * flat).any(axis=0))
         for columns in self._by_lu(flat, found, band, lit):
             lit[columns] = False
         rest = np.flatnonzero(lit)

@@ -1,4 +1,4 @@
-"""Ways to solve for interreflection that must agree: by iteration, taken apart, and turned about."""
+"""Ways to solve for interreflection that must agree: iterated, taken apart, turned about."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ N = 120
 
 
 def closed(n=N, seed=1):
-    """Factors of a closed scene: every row sums to 1, and some elements see little of each other."""
+    """Factors of a closed scene: rows sum to 1, and some elements see little of each other."""
     rng = np.random.default_rng(seed)
     out = rng.random((n, n)) ** 6
     np.fill_diagonal(out, 0.0)
