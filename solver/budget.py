@@ -15,8 +15,12 @@ from .model.scene import SceneData
 MAX_ELEMENTS = 4000
 #: Elements against patches where there are more patches than that: large ones are cut all the same.
 PER_PATCH = 1.3
-#: Elements beyond which each has a single node: they are small then, and rows are what takes time.
-ONE_NODE_ABOVE = 8000
+#: Rooms along the middle dimension of a scene of many patches, at most.
+MANY_ROOMS = 20.0
+#: Elements beyond which a mesh is large: rows are what takes time, and are found with less each.
+MANY_ELEMENTS = 8000
+#: Elements smaller than this share of the aimed size get a single node, and those of large meshes.
+SMALL, SMALL_OF_MANY = 0.2, 0.5
 #: Meridians about each node at least, however many elements there are.
 LEAST_LINES = 64
 #: Share and number of elements that may be added where direct light changes.
@@ -61,6 +65,8 @@ class Budget:
         Distance between surfaces to which places are compared. [m]
     nodes : int
         Nodes a direction in each element.
+    small : float
+        Share of ``size`` below which elements have a single node.
     eps : float
         Relative accuracy of unoccluded form factors.
     lines, sensor_lines : int
@@ -86,6 +92,7 @@ class Budget:
     misplaced: float
     distance: float
     nodes: int
+    small: float
     eps: float
     lines: int
     sensor_lines: int
@@ -106,6 +113,9 @@ class Budget:
         low, high = scene.patches.bounds()
         extent = np.sort(high - low)
         middle = float(extent[1]) if extent[1] > 0.0 else float(extent[2])
+        if len(scene.patches) > MAX_ELEMENTS:
+            # What is large holds many rooms, or a low one: as fine as the number of elements lets.
+            middle = max(float(extent[0]), middle / MANY_ROOMS)
         size = 0.09 * middle * math.sqrt(accuracy / 0.01)
         size = min(max(size, middle / 24.0), 0.6 * middle)
         return cls._with_size(scene, accuracy, size, accuracy, middle)
@@ -140,19 +150,21 @@ class Budget:
             counts = np.ones_like(counts)
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
-        nodes = NODES if total <= ONE_NODE_ABOVE else 1
+        large = total > MANY_ELEMENTS
+        cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())
         return cls(
             accuracy=accuracy,
             size=size,
             divisions=counts,
             elements=total,
-            receivers=total * nodes**2 + sensors,
+            receivers=total + (NODES**2 - 1) * (cut if large else total) + sensors,
             most_elements=max(
                 total, min(MAX_ELEMENTS, total + max(MORE_AT_LEAST, int(MORE * total)))
             ),
             misplaced=misplaced,
             distance=distance,
-            nodes=nodes,
+            nodes=NODES,
+            small=SMALL_OF_MANY if large else SMALL,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
             lines=_lines(accuracy, total),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
@@ -163,6 +175,11 @@ class Budget:
             sensor_dome_cell_eps=2e-3 * accuracy,
             sun_cell_eps=5e-2 * accuracy,
         )
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the mesh is too large to be compared with another."""
+        return self.elements > MANY_ELEMENTS
 
     @property
     def settings(self) -> dict[str, float]:
@@ -203,6 +220,6 @@ def _lines(accuracy: float, elements: int) -> int:
     Errors of rows are independent, and what reaches a sensor comes from many of them: the more
     there are, the fewer meridians each needs. Below 64 few of a row's errors are noise any more.
     """
-    few = min(1.0, ONE_NODE_ABOVE / elements)
+    few = min(1.0, MANY_ELEMENTS / elements)
     most = min(max(5.0 / accuracy, 48.0), 1024.0)
     return int(max(few * most, min(most, LEAST_LINES)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 
 import numpy as np
 
@@ -94,6 +95,8 @@ class Field:
         Reflected exitance by light group. [lm/m²]
     misplaced : float
         Share of the reflected light that the elements have in the wrong place.
+    lifts : (n,) array
+        How far facets may lie before each element. [m]
     """
 
     surfaces: Surfaces
@@ -104,6 +107,7 @@ class Field:
     light: Gathered
     reflected: dict[str, FloatArray]
     misplaced: float = 0.0
+    lifts: FloatArray = dataclass_field(default_factory=lambda: np.empty(0))
 
     @property
     def all_reflected(self) -> FloatArray:
@@ -172,7 +176,15 @@ class FieldSolver:
         self.stages.count({"matrix_products": system.products})
         gathered = self._gathered(light, rows, surfaces, reflected)
         return Field(
-            surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected, misplaced
+            surfaces,
+            sources,
+            rows.factors,
+            row_sums,
+            sees_out,
+            gathered,
+            reflected,
+            misplaced,
+            lifts,
         )
 
     def gather(self, grid: Sensors, budget: Budget, field: Field) -> Gathered:
@@ -203,6 +215,22 @@ class FieldSolver:
         with self.stages.run("mesh check") as tell:
             rows = self._factors.rows(Ask(budget, Receivers.of_sensors(grid), field.sources), tell)
         return luminous(rows.gather(field.all_reflected))
+
+    def light_at(self, receivers: Receivers, budget: Budget, field: Field) -> Gathered:
+        """Light at other points of the surfaces, found as that of the elements is."""
+        own = receivers.own
+        asked = Ask(budget, receivers, field.sources, field.lifts[own])
+        with self.stages.run("mesh check") as tell:
+            rows = self._factors.rows(asked, tell)
+            self._factors.close(rows, 1.0, asked, outside=field.sees_out)
+        light = Light({}, *np.zeros((3, len(own))))
+        scanned = rows.outside if self.trace else None
+        self._add_dome(light, receivers, budget, field.sees_out, "mesh check", scanned)
+        self._add_lamps(light, rows, field.surfaces)
+        light.variance += self.webs.add(
+            light.direct, rows, field.surfaces, asked, stage="mesh check"
+        )
+        return self._gathered(light, rows, field.surfaces, field.reflected)
 
     def _gathered(
         self, light: Light, rows: Rows, surfaces: Surfaces, reflected: dict[str, FloatArray]

@@ -23,8 +23,6 @@ from .surfaces import reflectances
 CONTACT = 1e-5
 #: Shining patches that are never too many to look where their light changes.
 MANY_LAMPS = 200
-#: Elements smaller than this share of the aimed size get a single node.
-SMALL = 0.2
 
 
 class Mesher:
@@ -56,7 +54,7 @@ class Mesher:
         """
         scene = self.scene
         boxes, misplaced = self.boxes(budget)
-        small = (SMALL * budget.size) ** 2
+        small = (budget.small * budget.size) ** 2
         elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
         low, high = scene.patches.bounds()
         distance = CONTACT * float(np.linalg.norm(high - low))

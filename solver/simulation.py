@@ -12,6 +12,7 @@ from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import check_memory, fits
 from .mesh_check import MeshError, element_shift, left_of_change
+from .mesh_sample import sampled_misplaced
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
@@ -207,6 +208,16 @@ class _Simulation:
         reason = ""
         if not field.all_reflected.any():
             reason = "no light is reflected"
+        elif self.budget.is_large:
+            reason = (
+                f"a mesh of {len(field.surfaces.elements)} elements is too large to be compared "
+                "with another; light is looked at more closely on some of them instead"
+            )
+            misplaced = sampled_misplaced(solver, self.budget, field)
+            self.stages.figures["sampled_misplaced_flux"] = misplaced
+            error = MeshError(misplaced, error.lacking)
+            # Light of any source is known to be in the wrong place.
+            light, on_elements = {k: (v, v) for k, (v, _) in light.items()}, (on_elements[0],) * 2
         elif (
             len(field.surfaces.elements) == self.budget.elements
             and (budget.divisions == self.budget.divisions).all()
