@@ -1,8 +1,6 @@
-"""An open-plan hall whose number of elements is asked for: desks, columns and ceiling lamps."""
+"""An open-plan hall of any size: desks with round legs, screens and drawers, and ceiling lamps."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from patchlight.solver.model import (
@@ -28,7 +26,7 @@ def _box(size: tuple[float, float, float], low: tuple[float, float, float]) -> P
 
 
 def _desk(x: float, y: float, turn: int) -> list[PatchSet]:
-    """Top, four round legs, a screen and two drawers, none of which touch: 54 patches."""
+    """Top, four round legs, a screen and drawers, none of which touch: 74 patches."""
     size = (1.4, 0.7, 0.03) if turn % 2 == 0 else (0.7, 1.4, 0.03)
     parts = [_box(size, (x - size[0] / 2, y - size[1] / 2, 0.72))]
     for i in (-1, 1):
@@ -44,11 +42,6 @@ def _desk(x: float, y: float, turn: int) -> list[PatchSet]:
     parts.append(_box((0.5, 0.04, 0.35), (x - 0.25, y, 0.76)))
     parts.append(_box((0.34, 0.4, 0.5), (x - 0.17, y - 0.2, 0.1)))
     return parts
-
-
-def cells_of(elements: int, per_cell: float) -> int:
-    """Desks a side that come near to a number of ``elements``."""
-    return max(1, round(math.sqrt(elements / per_cell)))
 
 
 def large_room(side: int) -> SceneData:
