@@ -23,7 +23,7 @@ def test_halls_grow_by_desks(side):
     from large_room import CELL, EXITANCE, HEIGHT, large_room
 
     scene = large_room(side)
-    lamps = -((-side // 2) ** 2)
+    lamps = ((side + 1) // 2) ** 2
     # Desk: top 6, 4 legs of 4 + 5 + 5, screen 6, drawers 6; lamp: 6.
     assert len(scene.patches) == 6 + side**2 * (6 + 56 + 12) + 6 * lamps
     assert scene.luminaires[0].flux_lm == pytest.approx(EXITANCE * 1.44 * lamps)
@@ -31,6 +31,7 @@ def test_halls_grow_by_desks(side):
     np.testing.assert_allclose(high - low, [CELL * side, CELL * side, HEIGHT], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_is_measured_and_drawn(tmp_path, monkeypatch):
     import large
 
