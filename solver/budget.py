@@ -12,6 +12,16 @@ from .model.scene import SceneData
 
 #: Elements beyond which the mesh is made coarser instead: time and memory grow with the square.
 MAX_ELEMENTS = 4000
+#: Elements against patches where there are more patches than that: large ones are cut all the same.
+PER_PATCH = 1.3
+#: Rooms along the middle dimension of a scene of many patches, at most.
+MANY_ROOMS = 20.0
+#: Elements beyond which a mesh is large: rows are what takes time, and are found with less each.
+MANY_ELEMENTS = 8000
+#: Elements smaller than this share of the aimed size get a single node, and those of large meshes.
+SMALL, SMALL_OF_MANY = 0.1, 0.5
+#: Meridians about each node at least, however many elements there are.
+LEAST_LINES = 64
 #: Share and number of elements that may be added where direct light changes.
 MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
@@ -60,6 +70,8 @@ class Budget:
         Nodes a direction in each element.
     moments : float
         Error of the share of each node in the form factor of a near element.
+    small : float
+        Share of ``size`` below which elements have a single node.
     eps : float
         Relative accuracy of unoccluded form factors.
     lines, sensor_lines : int
@@ -88,6 +100,7 @@ class Budget:
     basis: str
     nodes: int
     moments: float
+    small: float
     eps: float
     lines: int
     sensor_lines: int
@@ -108,6 +121,9 @@ class Budget:
         low, high = scene.patches.bounds()
         extent = np.sort(high - low)
         middle = float(extent[1]) if extent[1] > 0.0 else float(extent[2])
+        if len(scene.patches) > MAX_ELEMENTS:
+            # What is large holds many rooms, or a low one: as fine as the number of elements lets.
+            middle = max(float(extent[0]), middle / MANY_ROOMS)
         size = 0.25 * middle * (accuracy / 0.02) ** (1.0 / 3.0)
         size = min(max(size, middle / 24.0), 0.6 * middle)
         return cls._with_size(scene, accuracy, size, accuracy, middle, basis)
@@ -124,22 +140,28 @@ class Budget:
     ) -> Budget:
         patches = scene.patches
         sides = 1 + np.asarray(scene.two_sided, dtype=np.int64)
+        most = max(MAX_ELEMENTS, int(PER_PATCH * sides.sum()))
         for _ in range(60):
             counts = divisions(patches, size)
             total = int((counts.prod(axis=1) * sides).sum())
-            if total <= max(MAX_ELEMENTS, int(sides.sum())) or counts.max() == 1:
+            if total <= most or counts.max() == 1:
                 break
             size *= 1.15
-        if total > MAX_ELEMENTS:
+        if total > most:
             counts = np.ones_like(counts)
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
+        large = total > MANY_ELEMENTS
+        if total > MAX_ELEMENTS:
+            basis = "constant"
+        nodes = NODES[basis]
+        cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())
         return cls(
             accuracy=accuracy,
             size=size,
             divisions=counts,
             elements=total,
-            receivers=total * NODES[basis] ** 2 + sensors,
+            receivers=total + (nodes**2 - 1) * (cut if large else total) + sensors,
             most_elements=max(
                 total, min(MAX_ELEMENTS, total + max(MORE_AT_LEAST, int(MORE * total)))
             ),
@@ -147,10 +169,11 @@ class Budget:
             misplaced=misplaced,
             distance=distance,
             basis=basis,
-            nodes=NODES[basis],
+            nodes=nodes,
             moments=min(max(0.1 * accuracy, 1e-6), 1e-2),
+            small=SMALL_OF_MANY if large else SMALL,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
-            lines=int(min(max(5.0 / accuracy, 48), 1024)),
+            lines=_lines(accuracy, total),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
             sights=int(min(max((3.0 / accuracy) ** (4.0 / 3.0), 64), 4096)),
             exact_above=4.0 * accuracy,
@@ -191,3 +214,14 @@ class Budget:
         sensors = sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
         return _START + cuts + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
+
+
+def _lines(accuracy: float, elements: int) -> int:
+    """Meridians about each node.
+
+    Errors of rows are independent, and what reaches a sensor comes from many of them: the more
+    there are, the fewer meridians each needs. Below 64 few of a row's errors are noise any more.
+    """
+    few = min(1.0, MANY_ELEMENTS / elements)
+    most = min(max(5.0 / accuracy, 48.0), 1024.0)
+    return int(max(few * most, min(most, LEAST_LINES)))

@@ -15,6 +15,7 @@ from .kernels.bulk import form_factor_rows
 from .kernels.closure import multiply, sum_rows
 from .kernels.edges import Edges
 from .kernels.facets import Facets
+from .kernels.packed import add_products
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
 from .kernels.threads import count_threads
@@ -22,6 +23,7 @@ from .memory import DOUBLE_BYTES, ROW_BYTES, check_matrix
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.elements import Elements
 from .model.sky import CIESky
+from .packed import PackedMatrix
 from .quadrics import fit_quadrics, turned
 from .skies import sky_tone
 from .tables import meridians, no_facets
@@ -102,12 +104,24 @@ def products(matrix: MatrixArray, light: FloatArray) -> FloatArray:
 
     The same bits for any number of threads.
     """
+    if isinstance(matrix, PackedMatrix):
+        return matrix.products(light)
     if matrix.size < SMALL:
         return np.einsum("mn,n...->m...", matrix, light)
     columns = writable(light.reshape(len(light), math.prod(light.shape[1:])).T)
     out = np.empty((len(matrix), len(columns)))
     multiply(matrix, columns, out)
     return out.reshape(len(matrix), *light.shape[1:])
+
+
+def transposed_products(matrix: MatrixArray, values: FloatArray) -> FloatArray:
+    """Product (n, ...) of a transposed matrix (m, n) and ``values`` (m, ...), as `products`."""
+    if isinstance(matrix, PackedMatrix):
+        return matrix.transposed_products(values)
+    rows = writable(values.reshape(len(values), math.prod(values.shape[1:])).T)
+    out = np.zeros((len(rows), matrix.shape[1]))
+    add_products(matrix, rows, out)
+    return np.ascontiguousarray(out.T).reshape(matrix.shape[1], *values.shape[1:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,6 +227,7 @@ def form_factor_matrix(
     lifts: FloatArray | None = None,
     sky: CIESky | None = None,
     single: bool = False,
+    first: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rows:
     """Mean form factors from receivers (m, q, 3) to every source element.
@@ -242,6 +257,9 @@ def form_factor_matrix(
     single : bool
         Whether the factors are kept in single precision, to `ROUNDING` of each: 8 bytes a pair
         instead of 12, and the time to have them.
+    first : int
+        Number of the first receiver among all there are: meridians start at angles that differ
+        from receiver to receiver.
     progress : callable, optional
         Called as ``progress(rows_done, rows_total)``.
 
@@ -272,7 +290,7 @@ def form_factor_matrix(
             writable(patches[rows], np.int64),
             writable(own[rows], np.int64),
             writable(lifts[rows]),
-            start,
+            first + start,
             sources,
             blockers,
             near_ratio(eps),

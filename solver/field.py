@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .budget import Budget
 from .containment import Containment
@@ -14,13 +15,15 @@ from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
+from .large_rows import find_packed
+from .memory import is_packed
 from .mesh import Boxes
 from .mesher import Mesher
-from .model.arrays import FloatArray, MatrixArray
+from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
-from .radiosity import solve_radiosity
+from .radiosity import RadiositySystem
 from .reciprocity import LampShares
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
@@ -55,8 +58,8 @@ class Field:
         How far facets may lie before them. [m]
     unknowns : Unknowns
         What their reflected light is made of.
-    factors : (N, N) float32 array
-        Form factors between the unknowns.
+    system : RadiositySystem
+        Reflection between the unknowns.
     row_sums : (n,) array
         Raw sums of those of the elements, before any correction.
     kept : (N,) array
@@ -77,7 +80,7 @@ class Field:
     sources: Sources
     lifts: FloatArray
     unknowns: Unknowns
-    factors: MatrixArray
+    system: RadiositySystem
     row_sums: FloatArray
     kept: FloatArray
     sees_out: bool
@@ -152,24 +155,31 @@ class FieldSolver:
         of = unknowns.element
         with self.stages.run("form factors") as tell:
             asked = Ask(budget, unknowns.receivers, sources, lifts[of])
-            rows = self._factors.rows(asked, tell)
-            sees_out = self._sees_out(rows)
-            raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
+            rows: Rows
+            if unknowns.basis is None and is_packed(len(unknowns), len(elements)):
+                found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
+                rows, sees_out, raw = found
+            else:
+                rows = self._factors.rows(asked, tell)
+                sees_out = self._sees_out(rows, unknowns.areas > 0.0)
+                raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
             factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
         shares = LampShares.of(rows, surfaces, unknowns)
         light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
-            sent, products = solve_radiosity(factors, rho, light.direct, accuracy=budget.accuracy)
+            system = RadiositySystem(factors, rho, accuracy=budget.accuracy)
+            sent = system.solve(light.direct)
             indirect = {group: multiplied(factors, values) for group, values in sent.items()}
-        self.stages.count({"matrix_products": products})
+        self.stages.figures["spectral_radius"] = system.radius
+        self.stages.count({"matrix_products": system.products})
         exitance = surfaces.diffuse + sum(unknowns.mean(values) for values in sent.values())
         return Field(
             surfaces=surfaces,
             sources=sources,
             lifts=lifts,
             unknowns=unknowns,
-            factors=factors,
+            system=system,
             row_sums=unknowns.mean(raw),
             kept=rows.sums[:, 0],
             sees_out=sees_out,
@@ -181,28 +191,33 @@ class FieldSolver:
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
-        surfaces, unknowns = field.surfaces, field.unknowns
 
         def gathered(some: Unknowns) -> tuple[Gathered, FloatArray]:
-            asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
-            rows = self._factors.rows(asked)
-            self._factors.close(rows, 1.0, asked, outside=field.sees_out)
-            light = self._incidence.on(
-                asked, rows, surfaces, some, field.lamp_shares, sees_out=field.sees_out
-            )
-            sent = np.concatenate([*field.sent.values()], axis=1)
-            how = (asked.receivers, field.sources, budget.moments)
-            indirect = unknowns.gather(rows, *how, sent)
-            by_group = np.split(indirect, len(field.sent), axis=1)
-            variance = rows.variance_of(luminous(field.exitance_told))
-            found = Gathered.of(light, dict(zip(field.sent, by_group, strict=True)), variance)
-            return found, rows.sums[:, 0]
+            return self.light_at(some, budget, field)
 
-        weights = weights_at([s.rows.factors for s in seen], surfaces.areas)
+        weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
         with self.stages.run("iterated gather"):
-            finer = finer_light(field, budget, weights, gathered)
-        self.stages.count({"unknowns_checked": len(finer.unknowns) - len(unknowns)})
+            finer = finer_light(field, weights, gathered)
+        self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
+
+    def light_at(self, some: Unknowns, budget: Budget, field: Field) -> tuple[Gathered, FloatArray]:
+        """Light at other points of the surfaces, found as that of the unknowns is.
+
+        Also the sums (k,) of their rows.
+        """
+        asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
+        rows = self._factors.rows(asked)
+        self._factors.close(rows, 1.0, asked, outside=field.sees_out)
+        light = self._incidence.on(
+            asked, rows, field.surfaces, some, field.lamp_shares, sees_out=field.sees_out
+        )
+        sent = np.concatenate([*field.sent.values()], axis=1)
+        how = (asked.receivers, field.sources, budget.moments)
+        indirect = np.split(field.unknowns.gather(rows, *how, sent), len(field.sent), axis=1)
+        variance = rows.variance_of(luminous(field.exitance_told))
+        found = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
+        return found, rows.sums[:, 0]
 
     def seen(self, grid: Sensors, budget: Budget, field: Field) -> SensorRows:
         """What sensors see, and direct light at the sensors themselves."""
@@ -241,17 +256,17 @@ class FieldSolver:
         variance = seen.rows.variance_of(luminous(field.exitance_told))
         return Gathered.of(seen.light, indirect, variance), np.abs(luminous(change))
 
-    def _sees_out(self, rows: Rows) -> bool:
-        """Whether light may leave the scene anywhere, beyond what sampling explains."""
+    def _sees_out(self, rows: Rows, lit: NDArray[np.bool_]) -> bool:
+        """Whether light may leave the scene from ``lit`` rows, beyond what sampling explains."""
         if self.in_cavity:
             return False
-        missing = 1.0 - rows.sums[:, 0]
-        noise = 3.0 * np.sqrt(rows.sums[:, 1]) + 1e-4
+        missing = 1.0 - rows.sums[lit, 0]
+        noise = 3.0 * np.sqrt(rows.sums[lit, 1]) + 1e-4
         leaves = missing > noise
         if self.trace:
             # What the meridians met is known besides: a row that meets something on all of them
             # is closed, however its factors add up.
-            leaves &= rows.outside[:, 1] + rows.outside[:, 2] > 1e-6
+            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
         return bool(leaves.any())
 
     def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:

@@ -103,12 +103,10 @@ class Incidence:
         """
         scanned = rows.outside if self.trace else None
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
-        factors = shares.factors(rows, unknowns)
-        emitted = {g: surfaces.emitted_by(self.scene, g)[shares.lamps] for g in self.lamp_groups}
-        self._add(light, {group: factors @ sent for group, sent in emitted.items()})
-        light.variance += self.webs.add(
-            light.direct, rows, surfaces, asked, areas=unknowns.areas
-        )
+        emitted = {group: surfaces.emitted_by(self.scene, group) for group in self.lamp_groups}
+        lamps = {group: shares.light(rows, unknowns, sent) for group, sent in emitted.items()}
+        self._add(light, lamps)
+        light.variance += self.webs.add(light.direct, rows, surfaces, asked, areas=unknowns.areas)
         return light
 
     def add_lamps(self, light: Light, asked: Ask, rows: Rows, surfaces: Surfaces) -> None:

@@ -24,12 +24,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .budget import Budget
 from .exchange import products
 from .incident import Gathered
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.result import luminous
-from .radiosity import solve_radiosity
 from .unknowns import Unknowns
 
 if TYPE_CHECKING:
@@ -110,15 +108,13 @@ def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
     return np.asarray(weight / np.average(weight, weights=areas) + ANYWHERE)
 
 
-def finer_light(field: Field, budget: Budget, weights: FloatArray, gather: Gather) -> Finer:
+def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
     """The light of ``field`` on halved elements.
 
     Parameters
     ----------
     field : Field
         A solved mesh.
-    budget : Budget
-        Its tolerances.
     weights : (n,) array
         Importance of the elements.
     gather : callable
@@ -126,7 +122,7 @@ def finer_light(field: Field, budget: Budget, weights: FloatArray, gather: Gathe
     """
     chosen, unseen = _chosen(field, weights)
     if not len(chosen):
-        return _as_it_is(field)
+        return as_it_is(field)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
     fine = unknowns.halved(field.surfaces.elements, chosen)
     lift = Lift.of(unknowns, fine, chosen)
@@ -141,12 +137,10 @@ def finer_light(field: Field, budget: Budget, weights: FloatArray, gather: Gathe
         found = arriving.components[direct] + arriving.components[indirect]
         sent[group][some] = rho[fine.element[some]] * found
         onto = lift.projected(sent[group] - lifted, fine.areas)
-        rest = products(field.factors, onto)
-        more, _ = solve_radiosity(
-            field.factors, rho[unknowns.element], {group: rest}, accuracy=budget.accuracy
-        )
-        rest += products(field.factors, more[group])
-        sent[group] += lift(more[group])
+        rest = products(field.system.factors, onto)
+        more = field.system.solve({group: rest})[group]
+        rest += products(field.system.factors, more)
+        sent[group] += lift(more)
         change += sent[group] - lifted
         for name, moved in ((direct, None), (indirect, rest)):
             components[name] = lift(field.arriving.components[name])
@@ -171,7 +165,8 @@ def finer_light(field: Field, budget: Budget, weights: FloatArray, gather: Gathe
     )
 
 
-def _as_it_is(field: Field) -> Finer:
+def as_it_is(field: Field) -> Finer:
+    """The light of a field as its mesh has it."""
     n = len(field.surfaces.areas)
     nothing, none = np.zeros_like(field.all_sent), np.zeros((n, 2))
     return Finer(

@@ -1,8 +1,10 @@
-"""Whether the dense matrices of a run fit into the memory that is free."""
+"""Whether the matrices of a run fit into the memory that is free, and in which form."""
 
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,13 +20,20 @@ ROW_BYTES = 8
 DOUBLE_BYTES = 12
 #: Bytes of a pair of the matrix that stays while the sensors are done.
 KEPT_BYTES = 4
+#: Unknowns up to which factors are kept in single precision; above, or where memory does not hold
+#: them so, they are packed.
+DENSE_UNKNOWNS = 16_000
+#: Bytes of a packed pair at most, and of the rows that are found at a time before they are packed.
+PACKED_BYTES, BLOCK_BYTES = 2, 256_000_000
+#: Bytes that each unknown takes while the packed system is solved: directions of GMRES, geometry.
+UNKNOWN_BYTES = 10_000
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
 SMALL_MATRIX = 1_000_000
 GB = 1e9
 
 
 def needed_bytes(elements: int, largest_grid: int = 0) -> int:
-    """Memory that a mesh takes at the worst moment. [B]
+    """Memory that a mesh takes at the worst moment, packed matrices apart. [B]
 
     Parameters
     ----------
@@ -33,15 +42,29 @@ def needed_bytes(elements: int, largest_grid: int = 0) -> int:
     largest_grid : int
         Sensors of the largest grid; they are done after the elements, while the matrix stays.
     """
-    mesh = PAIR_BYTES * elements**2
-    sensors = PAIR_BYTES * elements * largest_grid + KEPT_BYTES * elements**2
-    return max(mesh, sensors)
+    sensors = PAIR_BYTES * elements * largest_grid
+    if elements > DENSE_UNKNOWNS:
+        return BLOCK_BYTES + UNKNOWN_BYTES * elements + sensors
+    return max(PAIR_BYTES * elements**2, sensors + KEPT_BYTES * elements**2)
+
+
+def is_packed(rows: int, columns: int) -> bool:
+    """Whether factors of elements are packed: there are many, or memory does not hold them else."""
+    if columns > DENSE_UNKNOWNS:
+        return True
+    return rows * columns >= SMALL_MATRIX and not has_room(PAIR_BYTES * rows * columns)
+
+
+def packed_room(columns: int) -> int | None:
+    """Memory that packed factors may take, what else is needed left free. [B]"""
+    free = available_bytes()
+    return None if free is None else max(0, free - BLOCK_BYTES - UNKNOWN_BYTES * columns)
 
 
 def check_memory(
     elements: int, largest_grid: int = 0, *, least_elements: int = 0, accuracy: float | None = None
 ) -> None:
-    """Raise `OutOfMemoryError` where a mesh cannot fit.
+    """Raise `OutOfMemoryError` where a mesh cannot fit, neither whole nor packed.
 
     Parameters
     ----------
@@ -54,19 +77,30 @@ def check_memory(
     """
     free = available_bytes()
     need = needed_bytes(elements, largest_grid)
-    if free is None or need <= free:
+    if free is None or (need <= free and elements <= DENSE_UNKNOWNS):
+        return
+    sensors = PAIR_BYTES * elements * largest_grid
+    rest, packed = BLOCK_BYTES + UNKNOWN_BYTES * elements + sensors, PACKED_BYTES * elements**2
+    on_disk = free_on_disk()
+    if rest <= free and packed <= free - rest + on_disk:
         return
     advice = []
-    if PAIR_BYTES * elements**2 <= free:
+    if rest - sensors <= free and packed <= free - rest + sensors + on_disk:
         advice.append(f"use fewer sensors than {largest_grid} in a grid")
     if accuracy is not None and least_elements < elements:
         advice.append(f"ask for less accuracy, a larger number than {accuracy:g}")
     if least_elements:
         advice.append("leave out parts that do not matter for the light, to have fewer patches")
     raise OutOfMemoryError(
-        f"{elements} elements need {need / GB:.1f} GB of memory for their form factors, but only "
-        f"{free / GB:.1f} GB are free; {'; or '.join(advice) or 'use fewer elements'}"
+        f"{elements} elements need {(rest + packed) / GB:.1f} GB of memory for their form factors, "
+        f"packed, but only {free / GB:.1f} GB are free, and {on_disk / GB:.1f} GB for temporary "
+        f"files in {tempfile.gettempdir()}; {'; or '.join(advice) or 'use fewer elements'}"
     )
+
+
+def free_on_disk() -> int:
+    """Room for temporary files, with a tenth left. [B]"""
+    return int(0.9 * shutil.disk_usage(tempfile.gettempdir()).free)
 
 
 def check_matrix(rows: int, columns: int, *, pair_bytes: int = DOUBLE_BYTES) -> None:
@@ -79,6 +113,21 @@ def check_matrix(rows: int, columns: int, *, pair_bytes: int = DOUBLE_BYTES) -> 
             f"{rows} x {columns} form factors need {need / GB:.1f} GB of memory, but only "
             f"{free / GB:.1f} GB are free; ask for fewer points or elements at a time"
         )
+
+
+def check_bytes(need: int, what: str) -> None:
+    """Raise `OutOfMemoryError` where ``what`` cannot have the memory that it needs. [B]"""
+    free = available_bytes()
+    if free is not None and need > free:
+        raise OutOfMemoryError(
+            f"{what} needs {need / GB:.1f} GB of memory, but only {free / GB:.1f} GB are free"
+        )
+
+
+def has_room(need: int) -> bool:
+    """Whether so much memory is free. [B]"""
+    free = available_bytes()
+    return free is None or need <= free
 
 
 def fits(elements: int, largest_grid: int = 0) -> bool:

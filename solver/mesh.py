@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import GeometryError
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import areas, gauss_rule, sub_nets, surface_points, tangents
+from .model.bezier import areas, gauss_rule, sub_nets, surface_points
 from .model.elements import Elements
 from .model.patches import PatchSet
 
@@ -159,11 +159,12 @@ def elements_on(patches: PatchSet, boxes: Boxes, *, nodes: int = 2, small: float
     if not (area > 0.0).all():
         raise GeometryError(f"patch {patch[int(np.argmin(area))]}: its area is zero")
     weights *= (area / weights.sum(axis=1))[:, None]
-    for row in np.flatnonzero(area < small) if nodes > 1 else ():
-        at, su, sv = tangents(all_nets[row], 0.5, 0.5)
+    one = np.flatnonzero(area < small) if nodes > 1 else np.empty(0, dtype=np.int64)
+    if len(one):
+        at, su, sv = surface_points(all_nets[one], np.array([0.5]), np.array([0.5]))
         n = np.cross(su, sv)
-        points[row], normals[row] = at, n / np.linalg.norm(n)
-        weights[row], weights[row, 0] = 0.0, area[row]
+        points[one], normals[one] = at, n / np.linalg.norm(n, axis=2, keepdims=True)
+        weights[one], weights[one, 0] = 0.0, area[one]
     return Elements(
         nets=all_nets,
         patch_index=patch,

@@ -26,8 +26,6 @@ CONTACT = 1e-5
 MANY_LAMPS = 200
 #: Share of what is wrong with the light of a mesh, in the elements that are halved.
 CUT_SHARE = 0.6
-#: Elements smaller than this share of the aimed size get a single node.
-SMALL = 0.1
 
 
 class Mesher:
@@ -63,7 +61,7 @@ class Mesher:
     def elements(self, budget: Budget, boxes: Boxes) -> Elements:
         """Elements over ``boxes``."""
         scene = self.scene
-        small = (SMALL * budget.size) ** 2
+        small = (budget.small * budget.size) ** 2
         elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
         low, high = scene.patches.bounds()
         distance = CONTACT * float(np.linalg.norm(high - low))

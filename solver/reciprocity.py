@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from .exchange import Rows
 from .model.arrays import FloatArray, IntArray
+from .packed import PackedMatrix
 from .surfaces import Surfaces
 from .unknowns import Unknowns
 
@@ -49,7 +50,13 @@ class LampShares:
     def of(cls, rows: Rows, surfaces: Surfaces, unknowns: Unknowns) -> LampShares:
         """Those of a mesh, by the ``rows`` from all its unknowns."""
         lamps = np.flatnonzero((surfaces.diffuse > 0.0).any(axis=1) & (surfaces.areas > 0.0))
-        n, areas, centers = len(surfaces.areas), surfaces.areas, surfaces.elements.nodes.mean(axis=1)
+        if isinstance(rows.factors, PackedMatrix):  # elements are small then
+            lamps = lamps[:0]
+        n, areas, centers = (
+            len(surfaces.areas),
+            surfaces.areas,
+            surfaces.elements.nodes.mean(axis=1),
+        )
         means, better = np.zeros((n, len(lamps))), np.zeros((n, len(lamps)), dtype=bool)
         for k, lamp in enumerate(lamps):
             own = np.flatnonzero(unknowns.element == lamp)
@@ -62,12 +69,14 @@ class LampShares:
             better[:, k] = near & (variance <= (SURE * seen) ** 2) & (seen > 0.0)
         return cls(lamps, means, better)
 
-    def factors(self, rows: Rows, unknowns: Unknowns) -> FloatArray:
-        """Form factors (m, k) of receivers on elements to the lamps, scaled to the better means."""
-        found = np.asarray(rows.factors[:, self.lamps], dtype=np.float64)
+    def light(self, rows: Rows, unknowns: Unknowns, emitted: FloatArray) -> FloatArray:
+        """Light (m, b) on receivers of elements that emit ``emitted`` (n, b), with these means."""
         if not self.better.any():
-            return found
+            return rows.gather(emitted)
+        found = np.asarray(rows.factors[:, self.lamps], dtype=np.float64)
         mean, of = unknowns.mean(found), unknowns.element
-        scale = np.where(self.better & (mean > 0.0), self.means / np.where(mean > 0.0, mean, 1.0), 1)
+        scale = np.where(
+            self.better & (mean > 0.0), self.means / np.where(mean > 0.0, mean, 1.0), 1
+        )
         even = np.where(self.better & (mean == 0.0), self.means, 0.0)
-        return np.asarray(found * scale[of] + even[of])
+        return np.asarray((found * scale[of] + even[of]) @ emitted[self.lamps])

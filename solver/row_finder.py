@@ -45,6 +45,8 @@ class Ask:
         How far facets may lie before the surface a receiver is on. [m]
     share : float
         Share of the relative error that the budget allows unoccluded factors.
+    first : int
+        Number of the first receiver among all there are.
     """
 
     budget: Budget
@@ -52,6 +54,13 @@ class Ask:
     sources: Sources
     lifts: FloatArray | None = None
     share: float = 1.0
+    first: int = 0
+
+    def block(self, rows: slice) -> Ask:
+        """Some of the rows, one after the other, as they are found among all."""
+        receivers = self.receivers.take(np.arange(rows.start, rows.stop))
+        lifts = None if self.lifts is None else self.lifts[rows]
+        return replace(self, receivers=receivers, lifts=lifts, first=self.first + rows.start)
 
     def finer(self, found: IntArray, factor: int) -> Ask:
         """The rows ``found`` with more meridians and smaller cells."""
@@ -101,6 +110,7 @@ class RowFinder:
             lifts=ask.lifts,
             sky=self.scene.sky,
             single=True,
+            first=ask.first,
             progress=tell,
         )
         self.stages.count(rows.counters)

@@ -6,18 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import Budget
+from .budget import MANY_ELEMENTS, Budget
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
 from .field import Field, FieldSolver
 from .incident import Gathered
-from .iterated import Finer
+from .iterated import Finer, as_it_is
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import check_memory, fits
 from .mesh import Boxes
 from .mesh_error import MeshError
+from .mesh_sample import sampled_misplaced
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
@@ -136,7 +137,7 @@ class _Simulation:
         images = self._images(field, finer, solver)
         self._warn_dark(sensors, light.luminous())
         stages.warnings.extend(ledger_warning(solved.balance))
-        on_elements = solved.error.of(*_indirect(light, solver.lamp_groups), finer.shift)
+        on_elements = solved.error.of(light, finer.shift)
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
@@ -150,7 +151,12 @@ class _Simulation:
             stages=stages.seconds,
             skipped=stages.skipped,
             counters=stages.counters,
-            settings={**self.budget.settings, "visibility": self.visibility, "bands": solver.bands},
+            settings={
+                **self.budget.settings,
+                **stages.figures,
+                "visibility": self.visibility,
+                "bands": solver.bands,
+            },
             warnings=tuple(stages.warnings),
             converged=self._converged(sensors),
         )
@@ -187,14 +193,23 @@ class _Simulation:
         budget = self.budget
         field = solver.solve(budget, boxes, misplaced)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
-        finer = solver.finer(field, budget, seen)
+        everywhere = False
+        if len(boxes) > MANY_ELEMENTS:
+            # Light of any source is known to be in the wrong place.
+            misplaced, everywhere = sampled_misplaced(solver, budget, field), True
+            self.stages.figures["sampled_misplaced_flux"] = misplaced
+            self.stages.skipped["iterated gather"] = (
+                f"{len(boxes)} elements: light is looked at more closely on some of them instead"
+            )
+        finer = as_it_is(field) if everywhere else solver.finer(field, budget, seen)
         balance = self._balance(field, finer, solver)
-        error = MeshError(misplaced, abs(balance.residual_fraction), finer.unseen)
+        lamps = solver.lamp_groups
+        lacking = abs(balance.residual_fraction)
+        error = MeshError(misplaced, lacking, finer.unseen, None if everywhere else tuple(lamps))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             gathered, change = solver.gather(seen[k], field, finer)
-            shift = error.of(*_indirect(gathered, solver.lamp_groups), change)
-            sensors[grid.name] = self._sensor_result(k, gathered, shift)
+            sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, change))
             without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
         return _Solved(field, finer, balance, error, sensors, without_mesh)
 
@@ -307,12 +322,6 @@ class _Simulation:
                 if relative[int(0.95 * (len(relative) - 1))] > self.budget.accuracy:
                     return False
         return True
-
-
-def _indirect(light: Gathered, lamp_groups: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Indirect illuminance (m,), and the part of it that comes from lamps. [lx]"""
-    own = [luminous(light.components[f"{group}.indirect"]) for group in lamp_groups]
-    return light.luminous("indirect"), np.asarray(sum(own, np.zeros(len(light.deviation))))
 
 
 def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:

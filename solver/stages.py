@@ -26,6 +26,7 @@ class Stages:
         self.seconds: dict[str, float] = {}
         self.skipped: dict[str, str] = {}
         self.counters: dict[str, int] = {}
+        self.figures: dict[str, float] = {}
         self.warnings: list[str] = []
 
     @contextmanager

@@ -128,7 +128,7 @@ def solve(job: Job) -> Solved:
     timed = [name for name in clock.seconds if name != "geometry"]
     record = {
         "accuracy": job.accuracy,
-        "elements": len(field.factors),
+        "elements": len(field.surfaces.elements),
         "nodes_per_element": job.nodes**2,
         "settings": {k: v for k, v in budget.settings.items() if k != "element_size_m"},
         "wall_s": sum(clock.seconds[name] for name in timed),
@@ -141,7 +141,7 @@ def solve(job: Job) -> Solved:
         "row_sums": np.percentile(field.row_sums, [0, 5, 50, 95, 100]).tolist(),
     }
     lit, emitted = luminous(field.exitance), luminous(field.surfaces.emitted)
-    return Solved(record, field.factors[job.rows], lit, emitted)
+    return Solved(record, field.system.factors[job.rows], lit, emitted)
 
 
 def alone(call: Any, job: Any) -> Any:

@@ -120,23 +120,57 @@ def test_need_counts_elements_sensors_and_what_is_kept():
     assert needed_bytes(1000, 2000) == 22 * MB + 4 * MB
 
 
-def test_a_mesh_that_does_not_fit_is_refused_with_advice(free):
+@pytest.fixture
+def disk(monkeypatch):
+    """Let so many bytes be free for temporary files."""
+    return lambda size: monkeypatch.setattr(memory, "free_on_disk", lambda: size)
+
+
+def test_a_mesh_that_does_not_fit_is_refused_with_advice(free, disk):
     free(4 * 10**9)
+    disk(10**9)
     check_memory(15_000)
+    check_memory(40_000)  # packed, 3.2 GB
     with pytest.raises(OutOfMemoryError) as error:
-        check_memory(20_000, least_elements=5_000, accuracy=0.01)
+        check_memory(60_000, least_elements=5_000, accuracy=0.01)
     message = str(error.value)
-    assert "20000 elements need 4.4 GB" in message and "only 4.0 GB are free" in message
+    # 7.2 GB packed, and what finding and solving take besides.
+    assert "60000 elements need 8.1 GB" in message
+    assert "only 4.0 GB are free, and 1.0 GB for temporary files" in message
     assert "a larger number than 0.01" in message and "fewer patches" in message
     assert "sensors" not in message and "\n" not in message
     assert isinstance(error.value, PatchlightError) and isinstance(error.value, MemoryError)
+    disk(6 * 10**9)
+    check_memory(60_000)
 
 
-def test_advice_fits_the_cause(free):
-    free(4 * 10**9)
+def test_what_is_found_must_fit_in_any_case(free, disk):
+    """No disk helps where the rows of a block, before they are packed, have no room."""
+    free(200 * MB)
+    disk(10**12)
+    with pytest.raises(OutOfMemoryError):
+        check_memory(20_000)
+
+
+def test_where_memory_is_short_matrices_are_packed(free):
+    free(50 * MB)
+    assert not memory.is_packed(2000, 2000)
+    assert memory.is_packed(2300, 2300)
+    assert not memory.is_packed(900, 900)  # too small to look
+    free(10**12)
+    assert memory.is_packed(20_000, 20_000)
+    assert memory.packed_room(20_000) == 10**12 - memory.BLOCK_BYTES - 200 * MB
+    free(None)
+    assert memory.packed_room(20_000) is None
+
+
+def test_advice_fits_the_cause(free, disk):
+    disk(0)
+    free(400 * MB)
     with pytest.raises(OutOfMemoryError, match="fewer patches") as error:
         check_memory(20_000, least_elements=20_000, accuracy=0.5)
     assert "accuracy" not in str(error.value)  # every patch is one element already
+    free(4 * 10**9)
     with pytest.raises(OutOfMemoryError, match="fewer sensors than 200000"):
         check_memory(4_000, 200_000, least_elements=30, accuracy=0.01)
 

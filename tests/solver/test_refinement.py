@@ -114,7 +114,8 @@ def test_what_is_small_against_the_distance_is_left():
     light = Light(lambda x: 100.0 + 4.0 * (x[:, 0] - 0.5) ** 2)
     boxes, left = refined(PLATE, light, 1e-3)
     assert len(boxes) == 1
-    # Mean of |t² − 1/3| over −1 … 1 in 100.3 lx, moved by a thousandth; 4 x 4 points tell it to 11 %.
+    # Mean of |t² − 1/3| over −1 … 1 in 100.3 lx, moved by a thousandth; 4 x 4 points tell it to
+    # 11 %.
     assert left == pytest.approx(8.0 / 9.0 / math.sqrt(12.0) / 100.3333 * 1e-3, rel=0.12)
 
 

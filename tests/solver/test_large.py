@@ -1,0 +1,174 @@
+"""Meshes too large for whole matrices: packed rows, and the same light as without."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from patchlight.solver import field, large_rows, memory
+from patchlight.solver.model import CIESky, PatchSet
+from patchlight.solver.packed import PACKED_ROUNDING, GroupedVariances, PackedMatrix
+from patchlight.solver.simulation import solve
+
+from .fixtures_light import Body, ceiling, grid, scene, setup
+
+
+def matrix(n=300, filled=1.0, seed=1, rows=200):
+    """Factors over many orders of magnitude, as they come: many of them 0."""
+    rng = np.random.default_rng(seed)
+    out = (10.0 ** rng.uniform(-9, -1, (rows, n))).astype(np.float32)
+    out[rng.random(out.shape) >= filled] = 0.0
+    out[3] = 0.0  # a buried element
+    return out
+
+
+def packed(factors, size=77, **options):
+    out = PackedMatrix(factors.shape[1], **options)
+    for start in range(0, len(factors), size):
+        out.append(factors[start : start + size])
+    return out
+
+
+@pytest.fixture(params=[1.0, 0.2], ids=["full", "sparse"])
+def factors(request):
+    return matrix(filled=request.param)
+
+
+def test_factors_are_rounded_to_twelve_bits_and_rows_keep_their_sums(factors):
+    found = packed(factors).take(np.arange(len(factors)))
+    # The scale that restores the sum moves all factors by less than their rounding.
+    np.testing.assert_allclose(found, factors, rtol=2 * PACKED_ROUNDING, atol=1e-10)
+    ones = packed(factors).products(np.ones(factors.shape[1]))
+    np.testing.assert_allclose(ones, factors.sum(axis=1, dtype=float), rtol=1e-13)
+    assert (found[3] == 0.0).all()
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (2, 3), (70,), (0,)])
+def test_products_are_those_of_what_is_unpacked(factors, shape):
+    rng = np.random.default_rng(2)
+    kept = packed(factors)
+    whole = kept[np.arange(200), np.arange(300)].astype(float)
+    light, values = rng.random((300, *shape)), rng.random((200, *shape))
+    # What is unpacked is rounded to single precision.
+    found = kept.products(light)
+    np.testing.assert_allclose(found, np.tensordot(whole, light, 1), rtol=1e-7)
+    found = kept.transposed_products(values)
+    np.testing.assert_allclose(found, np.tensordot(whole.T, values, 1), rtol=1e-7)
+
+
+def test_blocks_beyond_the_room_lie_in_a_file(factors):
+    kept, filed = packed(factors), packed(factors, room=20_000)
+    assert kept.bytes_on_disk == 0
+    assert 0 < filed.bytes_on_disk
+    light = np.random.default_rng(3).random((300, 3))
+    np.testing.assert_array_equal(kept.products(light), filed.products(light))
+    values = np.random.default_rng(4).random(200)
+    np.testing.assert_array_equal(
+        kept.transposed_products(values), filed.transposed_products(values)
+    )
+
+
+def test_what_is_hidden_takes_no_room():
+    assert packed(matrix(filled=1.0)).nbytes == pytest.approx(2 * 300 * 200, rel=0.05)
+    # Place and factor, two bytes each, and where rows begin.
+    assert packed(matrix(filled=0.1)).nbytes == pytest.approx(0.1 * 4 * 300 * 200, rel=0.2)
+
+
+def test_more_columns_than_a_short_place_tells():
+    n = 70_000
+    factors = np.zeros((3, n), dtype=np.float32)
+    factors[:, [0, 65_535, 65_536, n - 1]] = [0.1, 0.2, 0.3, 0.05]
+    kept = packed(factors)
+    np.testing.assert_allclose(kept.take(np.array([2]))[0], factors[2], rtol=2 * PACKED_ROUNDING)
+    np.testing.assert_allclose(kept.products(np.arange(n))[1], factors[1] @ np.arange(n), rtol=1e-3)
+
+
+def test_a_block_can_be_packed_anew(factors):
+    kept = packed(factors, size=100)
+    other = matrix(seed=9, rows=100)
+    kept.replace(1, other)
+    light = np.random.default_rng(5).random(300)
+    expected = packed(np.concatenate([factors[:100], other]), size=100)
+    np.testing.assert_array_equal(kept.products(light), expected.products(light))
+
+
+def test_variances_of_groups_lose_nothing_in_all():
+    rng = np.random.default_rng(6)
+    variances, light = rng.random((40, 30)).astype(np.float32), rng.random(30)
+    known = GroupedVariances(np.arange(30) % 4, 4, np.array([2, 7]))
+    for start in (0, 20):
+        known.put(start, variances[start : start + 20])
+    exact = variances.astype(float) @ light**2
+    np.testing.assert_allclose(known.of(light).sum(), exact.sum(), rtol=1e-6)
+    even = np.array([1.0, 5.0, 2.0, 0.5])[known.group]
+    np.testing.assert_allclose(known.of(even), variances.astype(float) @ even**2, rtol=1e-6)
+    np.testing.assert_array_equal(known[:, np.array([7])], variances[:, [7]])
+    np.testing.assert_array_equal(
+        known[np.ix_([3, 21], [2, 7])], variances[np.ix_([3, 21], [2, 7])]
+    )
+
+
+def room(**more):
+    """A furnished room, lit by a lamp, and through a gap under its ceiling if that is open."""
+    table = Body(PatchSet.box((1.2, 0.8, 0.1), center=(0.3, 0.2, -0.6)))
+    walls = Body(PatchSet.box((4, 5, 2.7), inward=True))
+    lamp = ceiling(-0.5, 0.5, -0.5, 0.5, 1.3)
+    sensors = [grid("plane", [(0, -1, 0), (1.5, 2.0, -0.5), (-1.2, 0.3, 0.9), (0.3, 0.2, -1.2)])]
+    return scene(setup(walls, table, lamp), lamps=[(2, "lamp", 3000.0)], sensors=sensors, **more)
+
+
+def porch(**more):
+    """Plates under the sky: light enters and leaves."""
+    floor = Body(PatchSet.box((3, 3, 0.2), center=(0, 0, -0.1)))
+    roof = Body(PatchSet.box((2, 2, 0.2), center=(0, 0, 1.6)))
+    sensors = [grid("plane", [(0, 0, 0.4), (1.2, 0.9, 0.5)])]
+    return scene(setup(floor, roof), sensors=sensors, sky=CIESky(16), **more)
+
+
+@pytest.fixture
+def small_limits(monkeypatch):
+    """Everything is large, and a block holds 20 rows."""
+    monkeypatch.setattr(memory, "DENSE_UNKNOWNS", 50)
+    monkeypatch.setattr(large_rows, "BLOCK_BYTES", 0)
+    monkeypatch.setattr(large_rows, "LEAST_ROWS", 20)
+
+
+@pytest.mark.parametrize("make", [room, porch])
+def test_packed_meshes_give_the_same_light(make, small_limits, monkeypatch):
+    packed_run = solve(make(), accuracy=0.1)
+    monkeypatch.setattr(memory, "DENSE_UNKNOWNS", 10**6)
+    whole = solve(make(), accuracy=0.1)
+    assert packed_run.counters["packed_bytes"] > 0
+    assert "packed_bytes" not in whole.counters
+    for name, expected in whole.sensors["plane"].components.items():
+        found = packed_run.sensors["plane"].components[name]
+        # Factors are rounded to 2⁻¹², and their errors average in a row; direct light at sensors
+        # is not packed.
+        rtol = 1e-12 if name.endswith(".direct") else PACKED_ROUNDING
+        np.testing.assert_allclose(found, expected, rtol=rtol, atol=1e-9)
+    np.testing.assert_allclose(
+        packed_run.sensors["plane"].error_lx, whole.sensors["plane"].error_lx, rtol=0.05
+    )
+    np.testing.assert_allclose(packed_run.row_sums, whole.row_sums, rtol=1e-12)
+    assert abs(packed_run.balance.residual_lm - whole.balance.residual_lm) <= (
+        PACKED_ROUNDING * (whole.balance.emitted_lm + whole.balance.entered_lm)
+    )
+
+
+def test_light_that_leaves_late_blocks_only_is_found(small_limits, monkeypatch):
+    """Blocks that were closed as if nothing left are found again once one shows that it does."""
+    seen = []
+    original = field.FieldSolver._sees_out
+
+    def blind_at_first(self, rows, lit):
+        seen.append(len(rows.factors))
+        return original(self, rows, lit) if len(seen) > 2 else False
+
+    monkeypatch.setattr(field.FieldSolver, "_sees_out", blind_at_first)
+    late = solve(porch(), accuracy=0.1)
+    assert late.counters["rows_found_twice"] > 0
+    monkeypatch.setattr(field.FieldSolver, "_sees_out", original)
+    soon = solve(porch(), accuracy=0.1)
+    assert "rows_found_twice" not in soon.counters or not soon.counters["rows_found_twice"]
+    np.testing.assert_allclose(
+        late.sensors["plane"].illuminance_lx, soon.sensors["plane"].illuminance_lx, rtol=1e-12
+    )
