@@ -98,10 +98,34 @@ class Incidence:
     ) -> Light:
         """Direct light on elements, by light group, lamps first; of sky and ground what the
         meridians of ``rows`` saw of them."""
-        scanned = rows.outside if self.trace else None
+        scanned = self._known_outside(asked, rows.outside, sees_out) if self.trace else None
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
         self.add_lamps(light, asked, rows, surfaces)
         return light
+
+    def _known_outside(self, asked: Ask, scanned: FloatArray, sees_out: bool) -> FloatArray:
+        """``scanned`` (m, 5) by the meridians, put right where few flat surfaces hide the sky."""
+        scene, stages = self.scene, self.stages
+        lit = scene.sky is not None or ground_luminance(scene.ground, scene.sky, scene.sun) > 0.0
+        if not (lit and sees_out and self.horizon.is_plain):
+            return scanned
+        with stages.run("sky" if scene.sky is not None else "ground") as tell:
+            found = self.horizon.light(
+                asked.receivers, scene.sky, eps=asked.budget.eps, cell_eps=None, progress=tell
+            )
+        stages.count(found.sky.counters)
+        sky, ground = found.sky, found.ground
+        exact = np.stack(
+            [
+                sky.illuminance / np.pi,
+                sky.factor,
+                ground.factor,
+                (sky.deviation / np.pi) ** 2,
+                ground.factor_variance,
+            ],
+            axis=1,
+        )
+        return np.where(found.left[:, None], scanned, exact)
 
     def add_lamps(
         self,

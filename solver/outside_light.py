@@ -21,6 +21,8 @@ from .topology import writable
 
 #: Sectors of azimuth, those of the cells of the dome, and receivers per kernel call.
 SECTORS, ROWS_PER_BLOCK = 8, 64
+#: Patches in a scene up to which the light of sky and ground is told exactly on elements too.
+PLAIN = 64
 #: Sine of the angle by which a side is off a straight line, up to rounding.
 _STRAIGHT = 1e-12
 
@@ -33,10 +35,14 @@ class OutsideLight:
     ----------
     sky, ground : DomeLight
         The ground's illuminance is that of luminance 1 cd/m².
+
+    left : (m,) bool array
+        Receivers of which some directions were left out.
     """
 
     sky: DomeLight
     ground: DomeLight
+    left: NDArray[np.bool_]
 
 
 class Horizon:
@@ -52,6 +58,8 @@ class Horizon:
 
     def __init__(self, blockers: Blockers, *, trace: bool) -> None:
         self.blockers, self.trace = blockers, trace
+        #: Whether little enough hides them to look for the nodes of all elements.
+        self.is_plain = len(blockers.nets) <= PLAIN
         self._planar = np.ascontiguousarray(blockers.flags & PLANAR != 0)
         self._curvy = curved_sides(blockers.nets)
 
@@ -62,7 +70,7 @@ class Horizon:
         *,
         ground: bool = True,
         eps: float,
-        cell_eps: float,
+        cell_eps: float | None,
         progress: Callable[[int, int], None] | None = None,
     ) -> OutsideLight:
         """Light of ``sky``, and of a ground of luminance 1, on receivers.
@@ -77,9 +85,9 @@ class Horizon:
             Whether the ground is asked for, too.
         eps : float
             Relative accuracy.
-        cell_eps : float
+        cell_eps : float or None
             Where curved surfaces may hide something: form factor below which a partly hidden cell
-            is sampled.
+            is sampled; with None such receivers are left, see `OutsideLight`.
 
         Raises
         ------
@@ -124,12 +132,15 @@ class Horizon:
             )
             for k in (0, 2)
         )
+        if cell_eps is None:
+            counters["sky_sectors_traced"] = 0
+            return OutsideLight(sky_light, ground_light, np.asarray(left.any(axis=1)))
         how = (receivers, left, eps, cell_eps)
         if left.any():
             self._trace(sky_light, dome_cells(0.0, 90.0, azimuths=SECTORS), sky or 1.0, *how)
         if left.any() and ground:
             self._trace(ground_light, dome_cells(-90.0, 0.0, azimuths=SECTORS), 1.0, *how)
-        return OutsideLight(sky_light, ground_light)
+        return OutsideLight(sky_light, ground_light, np.zeros(m, dtype=bool))
 
     def _trace(
         self,
