@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,14 @@ class DomeLight:
     factor: FloatArray
     factor_variance: FloatArray
     counters: dict[str, int]
+
+    def times(self, luminance: float) -> DomeLight:
+        """The same of a source that is so many times as bright."""
+        return replace(
+            self,
+            illuminance=luminance * self.illuminance,
+            deviation=luminance * self.deviation,
+        )
 
 
 def carried_variance(variance: FloatArray, of: FloatArray, to: FloatArray) -> FloatArray:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from .budget import Budget
-from .dome import dome_cells, gather, sun_cells
+from .dome import DomeLight, gather, sun_cells
 from .exchange import Rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
-from .model.sky import CIESky
+from .model.sky import CIESky, Sun
+from .outside_light import Horizon, OutsideLight
 from .reciprocity import LampShares
 from .row_finder import Ask
 from .skies import ground_luminance, sun_luminance
@@ -86,6 +88,7 @@ class Incidence:
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, trace=trace, stages=stages)
+        self.horizon = Horizon(blockers, trace=trace)
 
     def on(
         self,
@@ -101,13 +104,37 @@ class Incidence:
 
         Of sky and ground it is what the meridians of ``rows`` saw of them.
         """
-        scanned = rows.outside if self.trace else None
+        scanned = self._known_outside(asked, rows.outside, sees_out) if self.trace else None
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
         emitted = {group: surfaces.emitted_by(self.scene, group) for group in self.lamp_groups}
         lamps = {group: shares.light(rows, unknowns, sent) for group, sent in emitted.items()}
         self._add(light, lamps)
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, areas=unknowns.areas)
         return light
+
+    def _known_outside(self, asked: Ask, scanned: FloatArray, sees_out: bool) -> FloatArray:
+        """``scanned`` (m, 5) by the meridians, put right where few flat surfaces hide the sky."""
+        scene, stages = self.scene, self.stages
+        lit = scene.sky is not None or ground_luminance(scene.ground, scene.sky, scene.sun) > 0.0
+        if not (lit and sees_out and self.horizon.is_plain):
+            return scanned
+        with stages.run("sky" if scene.sky is not None else "ground") as tell:
+            found = self.horizon.light(
+                asked.receivers, scene.sky, eps=asked.budget.eps, cell_eps=None, progress=tell
+            )
+        stages.count(found.sky.counters)
+        sky, ground = found.sky, found.ground
+        exact = np.stack(
+            [
+                sky.illuminance / np.pi,
+                sky.factor,
+                ground.factor,
+                (sky.deviation / np.pi) ** 2,
+                ground.factor_variance,
+            ],
+            axis=1,
+        )
+        return np.where(found.left[:, None], scanned, exact)
 
     def add_lamps(self, light: Light, asked: Ask, rows: Rows, surfaces: Surfaces) -> None:
         """Add the direct light of the luminaires on sensors."""
@@ -128,24 +155,21 @@ class Incidence:
     ) -> Light:
         """Direct light of sky, sun and ground.
 
-        Sky and ground are traced by pyramids unless ``scanned`` (m, 5) tells what the meridians of
+        Sky and ground are told by `Horizon` unless ``scanned`` (m, 5) tells what the meridians of
         `form_factor_matrix` saw of them.
         """
         light = Light({}, *np.zeros((3, len(receivers.nodes))))
-        scene, stages, trace = self.scene, self.stages, self.trace
-        eps = budget.sensor_dome_cell_eps
-        jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
+        scene, stages = self.scene, self.stages
+        jobs: list[tuple[str, CIESky | float, float]] = []
         if scene.sky is not None:
-            jobs.append(("sky", dome_cells(0.0, 90.0), scene.sky, eps, scene.sky.cct_k))
+            jobs.append(("sky", scene.sky, scene.sky.cct_k))
         if scene.sun is not None:
-            level, cells = sun_luminance(scene.sun), sun_cells(scene.sun)
-            disc = np.sin(np.radians(scene.sun.angular_radius_arcmin / 60.0)) ** 2
-            jobs.append(("sun", cells, level, budget.sun_cell_eps * disc, scene.sun.cct_k))
+            jobs.append(("sun", sun_luminance(scene.sun), scene.sun.cct_k))
         level = ground_luminance(scene.ground, scene.sky, scene.sun)
         if level > 0.0:
-            cct = scene.sky.cct_k if scene.sky is not None else 5500.0
-            jobs.append(("ground", dome_cells(-90.0, 0.0), level, eps, cct))
-        for name, cells, luminance, cell_eps, cct in jobs:
+            jobs.append(("ground", level, scene.sky.cct_k if scene.sky is not None else 5500.0))
+        outside: OutsideLight | None = None
+        for name, luminance, cct in jobs:
             if not sees_out and self.stages.skipped.get("visibility") != "switched off":
                 stages.skipped[name] = "nothing sees out of the scene"
                 light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
@@ -158,18 +182,19 @@ class Incidence:
                 light.variance += brightness**2 * scanned[:, spread]
                 continue
             with stages.run(name) as tell:
-                found = gather(
-                    receivers.nodes,
-                    receivers.normals,
-                    receivers.weights,
-                    cells,
-                    luminance,
-                    self.blockers,
-                    eps=budget.eps,
-                    cell_eps=cell_eps,
-                    trace=trace,
-                    progress=tell,
-                )
+                if name == "sun" and scene.sun is not None:
+                    found = self._sun(scene.sun, receivers, budget, tell)
+                else:
+                    if outside is None:
+                        outside = self.horizon.light(
+                            receivers,
+                            scene.sky,
+                            ground=level > 0.0,
+                            eps=budget.eps,
+                            cell_eps=budget.sensor_dome_cell_eps,
+                            progress=tell,
+                        )
+                    found = outside.sky if name == "sky" else outside.ground.times(level)
             stages.count(found.counters)
             light.direct[name] = found.illuminance[:, None] * color
             light.variance += found.deviation**2
@@ -177,3 +202,21 @@ class Incidence:
                 light.outside += found.factor
                 light.outside_variance += found.factor_variance
         return light
+
+    def _sun(
+        self, sun: Sun, receivers: Receivers, budget: Budget, tell: Callable[[int, int], None]
+    ) -> DomeLight:
+        """Light of the sun's disc."""
+        disc = np.sin(np.radians(sun.angular_radius_arcmin / 60.0)) ** 2
+        return gather(
+            receivers.nodes,
+            receivers.normals,
+            receivers.weights,
+            sun_cells(sun),
+            sun_luminance(sun),
+            self.blockers,
+            eps=budget.eps,
+            cell_eps=budget.sun_cell_eps * disc,
+            trace=self.trace,
+            progress=tell,
+        )

@@ -9,6 +9,7 @@ import numpy as np
 from .budget import Budget
 from .containment import Containment
 from .direct_light import DirectLight
+from .horizon_lines import with_lines
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
@@ -77,6 +78,8 @@ class Mesher:
         """
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
+        if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
+            boxes = with_lines(boxes, self.blockers, most)
         lamps = int((self.scene.luminaire_index >= 0).sum())
         if lamps == 0:
             return boxes, 0.0

@@ -24,12 +24,16 @@ class Body:
     solid : int
         Bodies of one non-negative number bound one closed solid, so that none of their backs is
         seen; −1 for a surface in the open.
+    sky : bool
+        An opening that shows the overcast sky, ``radiance`` that of the zenith, darkness below the
+        horizon. It is no surface.
     """
 
     shape: Shape
     radiance: float = 0.0
     reflectance: float = 0.0
     solid: int = -1
+    sky: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,11 @@ class Case:
     def reflects(self) -> bool:
         """Whether any light is reflected."""
         return any(body.reflectance > 0.0 for body in self.bodies)
+
+    @property
+    def has_sky(self) -> bool:
+        """Whether there is an opening to the sky."""
+        return any(body.sky for body in self.bodies)
 
 
 def accuracies(*values: float) -> tuple[OurSetting, ...]:

@@ -131,6 +131,33 @@ def test_room_of_one_reflectance_balances():
     assert (4.0 * fine - coarse) / 3.0 == pytest.approx(1.0, abs=2e-4)
 
 
+def test_window_lets_in_what_a_vertical_plane_gets_of_the_sky():
+    """A (3/14 + 4/(7π)) 7π/9 through the opening; all of it is absorbed or leaves again."""
+    import truth_window
+    from cases.d2_window import ROOM
+
+    x0, x1, z0, z1 = ROOM.opening
+    entering = (x1 - x0) * (z1 - z0) * (3 / 14 + 4 / (7 * math.pi)) * 7 * math.pi / 9
+
+    def balance(pieces):
+        mesh = truth_window._Mesh.of(ROOM, pieces)
+        first = kept = 0.0
+        for face, reflected in enumerate(truth_window._reflected(ROOM, mesh)):
+            _, _, i, j = truth_window.FACES[face]
+            area = np.outer(np.diff(mesh.borders[i]), np.diff(mesh.borders[j]))
+            at, normals = (a.reshape(-1, 3) for a in truth_window._cells(ROOM, mesh, face))
+            direct = truth_window.direct(ROOM, at, normals, 16).reshape(area.shape)
+            absorbed = 1.0 - truth_window._reflectance(ROOM, mesh, face)
+            first += float((direct * area).sum())
+            kept += float(((direct + reflected) * absorbed * area).sum())
+        return np.array([first, kept]) / entering
+
+    coarse, fine = balance(1), balance(2)
+    # Second order, then extrapolated; what leaves through the opening counts as absorbed by it.
+    assert (np.abs(fine - 1.0) < 0.3 * np.abs(coarse - 1.0)).all()
+    assert (4.0 * fine - coarse) / 3.0 == pytest.approx(1.0, abs=2e-4)
+
+
 def test_cost_is_read_off_between_points():
     from measure import Point, cost
 
@@ -146,13 +173,14 @@ def test_cost_is_read_off_between_points():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    # One case each of straight light, of shadow and of reflection; bounds on the root mean square
-    # of the quickest settings, about twice what they have.
+    # One case each of straight light, of shadow, of reflection and of daylight; bounds on the root
+    # mean square of the quickest settings, about twice what they have.
     ("case", "bounds"),
     [
         ("A1_far", {"patchlight": 1e-6, "radiance": 2e-2, "mitsuba": 6e-2}),
         ("B", {"patchlight": 1e-4, "radiance": 7e-2, "mitsuba": 6e-2}),
         ("C3", {"patchlight": 2e-2, "radiance": 3e-2, "mitsuba": 8e-2}),
+        ("D2", {"patchlight": 3e-3, "radiance": 4e-2, "mitsuba": 3e-1}),
     ],
 )
 def test_cheap_case_through_every_tool(tmp_path, case, bounds):

@@ -23,6 +23,9 @@ LANES = 1 << 24
 #: Cut of shapes that Mitsuba does not know.
 CUT = (8, 8)
 
+#: Rows of a map of the sky.
+SKY_ROWS = 2048
+
 #: Dr.Jit ends the process when it finds an LLVM it does not get on with: tried in another one.
 TRIAL = f"""
 import mitsuba as mi
@@ -102,14 +105,18 @@ class MitsubaTool:
             ray = mi.RayDifferential3f(at.p, frame.to_world(local))
             hit = scene.ray_intersect(ray)
             emitter = hit.emitter(scene)
-            met = dr.select(hit.is_valid(), emitter.eval(hit).x, 0.0)
+            seen = hit.is_valid() | case.has_sky
+            met = dr.select(seen, emitter.eval(hit).x, 0.0)
         if setting.direct == "mis":
             ours = cosine * dr.inv_pi
-            total = total * found.pdf / (found.pdf + ours)
+            # Neither way finds directions below the horizon: 0 / 0.
+            total = total * found.pdf / dr.maximum(found.pdf + ours, 1e-30)
             towards = mi.DirectionSample3f(scene, hit, at)
             theirs = scene.pdf_emitter_direction(at, towards, met > 0.0)
             ours = local.z * dr.inv_pi
-            total += dr.select(met > 0.0, dr.pi * met * ours / (ours + theirs), 0.0)
+            total += dr.select(
+                met > 0.0, dr.pi * met * ours / dr.maximum(ours + theirs, 1e-30), 0.0
+            )
         if setting.depth > 1:
             path = mi.load_dict({"type": "path", "max_depth": setting.depth, "rr_depth": 1000})
             light, _, _ = path.sample(scene, sampler, ray)
@@ -120,8 +127,20 @@ class MitsubaTool:
 
 def scene_dict(case: Case) -> dict:
     """The case as Mitsuba's dictionary."""
-    bodies = {f"b{k}": _shape(body) for k, body in enumerate(case.bodies)}
-    return {"type": "scene", **bodies}
+    bodies = {f"b{k}": _shape(body) for k, body in enumerate(case.bodies) if not body.sky}
+    skies = {f"sky{k}": _overcast(b.radiance) for k, b in enumerate(case.bodies) if b.sky}
+    return {"type": "scene", **bodies, **skies}
+
+
+def _overcast(zenith: float) -> dict:
+    """The traditional overcast sky, dark below the horizon, as a map of directions."""
+    import mitsuba as mi
+
+    altitude = 0.5 * np.pi - np.pi * (np.arange(SKY_ROWS) + 0.5) / SKY_ROWS
+    row = np.where(altitude > 0.0, zenith * (1.0 + 2.0 * np.sin(altitude)) / 3.0, 0.0)
+    picture = np.broadcast_to(row[:, None, None], (SKY_ROWS, 8, 3)).astype(np.float32)
+    upright = mi.ScalarTransform4f().rotate([1, 0, 0], 90)
+    return {"type": "envmap", "bitmap": mi.Bitmap(picture.copy()), "to_world": upright}
 
 
 def _shape(body: Body) -> dict:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from case import Body, Case, OurSetting
 from patchlight.solver import point_form_factors
-from patchlight.solver.model import BLACK, Luminaire, Material, PatchSet, SceneData, Sensors
+from patchlight.solver.model import BLACK, CIESky, Luminaire, Material, PatchSet, SceneData, Sensors
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.scene import ScenePart
 from patchlight.solver.prepared import forget
@@ -86,18 +86,18 @@ class Lit(NamedTuple):
 
 def scene_data(case: Case) -> SceneData:
     """The case as the solver's scene: 1 W/m² stands for 1 lx."""
-    sets = [body.shape.patches() for body in case.bodies]
+    bodies = [body for body in case.bodies if not body.sky]
+    zenith = [body.radiance for body in case.bodies if body.sky]
+    sets = [body.shape.patches() for body in bodies]
     rows = np.repeat(np.arange(len(sets)), [len(s) for s in sets])
-    numbers = {key: k for k, key in enumerate(dict.fromkeys(map(_part, enumerate(case.bodies))))}
-    part = np.array([numbers[_part(item)] for item in enumerate(case.bodies)])
+    numbers = {key: k for k, key in enumerate(dict.fromkeys(map(_part, enumerate(bodies))))}
+    part = np.array([numbers[_part(item)] for item in enumerate(bodies)])
     joined = PatchSet.concatenated(*sets)
     patches = PatchSet(joined.control_points, np.full(len(joined), -1), part[rows])
-    levels = sorted({body.reflectance for body in case.bodies} - {0.0})
-    material = np.array(
-        [levels.index(b.reflectance) if b.reflectance else BLACK for b in case.bodies]
-    )
+    levels = sorted({body.reflectance for body in bodies} - {0.0})
+    material = np.array([levels.index(b.reflectance) if b.reflectance else BLACK for b in bodies])
     lamps, lamp = [], np.full(len(sets), -1)
-    for k, (body, own) in enumerate(zip(case.bodies, sets, strict=True)):
+    for k, (body, own) in enumerate(zip(bodies, sets, strict=True)):
         if body.radiance > 0.0:
             area = float(own.areas().sum())
             lamp[k] = len(lamps)
@@ -107,7 +107,7 @@ def scene_data(case: Case) -> SceneData:
     return SceneData(
         patches=patches,
         two_sided=np.zeros(len(joined), bool),
-        closed=np.array([body.solid >= 0 for body in case.bodies])[rows],
+        closed=np.array([body.solid >= 0 for body in bodies])[rows],
         material_index=np.stack([material[rows], np.full(len(joined), BLACK)], axis=1),
         luminaire_index=np.stack([lamp[rows], back], axis=1),
         parts=tuple(
@@ -117,6 +117,8 @@ def scene_data(case: Case) -> SceneData:
         faces=(),
         materials=tuple(Material(level) for level in levels),
         luminaires=tuple(lamps),
+        sky=CIESky(16, zenith_luminance_cd_m2=zenith[0]) if zenith else None,
+        ground=None,
         sensors=(Sensors("sensors", case.points, case.normals),),
     )
 

@@ -10,6 +10,9 @@ from tools import Missing, Run
 #: `rtrace -I` evaluates this far in front of the point given. [m]
 AHEAD = 1e-4
 
+#: Luminance of the traditional overcast sky against the zenith's; Dz is the sine of the altitude.
+OVERCAST = "if(Dz,(1+2*Dz)/3,0)"
+
 #: No cache and no interpolation unless the setting asks for them, and nothing left to chance.
 BASE = "-aa 0 -as 0 -av 0 0 0 -dt 0 -dc 1 -dj 0 -dr 0 -st 1 -u+".split()
 
@@ -59,7 +62,11 @@ def scene_text(case: Case, cut: tuple[int, int]) -> str:
         if body.radiance > 0.0:
             rings, scale = body.shape.cut(*cut)
             level = f"{body.radiance * scale:.9g}"
-            lines.append(f"void light m{k} 0 0 3 {level} {level} {level}")
+            pattern = "void"
+            if body.sky:
+                lines.append(f"void brightfunc p{k} 2 {OVERCAST} . 0 0")
+                pattern = f"p{k}"
+            lines.append(f"{pattern} light m{k} 0 0 3 {level} {level} {level}")
             lines += polygon_text(f"m{k}", f"b{k}", rings)
             continue
         rho = f"{body.reflectance:.9g}"
