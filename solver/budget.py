@@ -19,7 +19,9 @@ MANY_ROOMS = 20.0
 #: Elements beyond which a mesh is large: rows are what takes time, and are found with less each.
 MANY_ELEMENTS = 8000
 #: Elements smaller than this share of the aimed size get a single node, and those of large meshes.
-SMALL, SMALL_OF_MANY = 0.1, 0.5
+SMALL, SMALL_OF_MANY = 0.1, 0.75
+#: Form factor against the accuracy above which a pair is traced, and that of large meshes.
+EXACT, EXACT_OF_MANY = 4.0, 16.0
 #: Meridians about each node at least, however many elements there are.
 LEAST_LINES = 64
 #: Share and number of elements that may be added where direct light changes.
@@ -176,7 +178,7 @@ class Budget:
             lines=_lines(accuracy, total),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
             sights=int(min(max((3.0 / accuracy) ** (4.0 / 3.0), 64), 4096)),
-            exact_above=4.0 * accuracy,
+            exact_above=(EXACT_OF_MANY if large else EXACT) * accuracy,
             cell_eps=0.1 * accuracy,
             lamp_cell_eps=1e-2 * accuracy,
             sensor_dome_cell_eps=2e-3 * accuracy,

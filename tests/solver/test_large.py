@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
-from patchlight.solver import field, large_rows, memory
-from patchlight.solver.model import CIESky, PatchSet
+from patchlight.solver import budget, field, large_rows, memory
+from patchlight.solver.mesh_sample import drawn_by_flux
+from patchlight.solver.model import CIESky, PatchSet, Photometry, Web
 from patchlight.solver.packed import PACKED_ROUNDING, GroupedVariances, PackedMatrix
 from patchlight.solver.simulation import solve
 
@@ -172,3 +175,99 @@ def test_light_that_leaves_late_blocks_only_is_found(small_limits, monkeypatch):
     np.testing.assert_allclose(
         late.sensors["plane"].illuminance_lx, soon.sensors["plane"].illuminance_lx, rtol=1e-12
     )
+
+
+def webbed():
+    """The room lit by a web, I = I0 cosγ."""
+    data = room()
+    gamma = np.arange(0.0, 91.0, 1.0)
+    row = 1000.0 / np.pi * np.cos(np.radians(gamma))
+    photometry = Photometry([0.0, 360.0], gamma, [row, row])
+    web = Web.aimed(photometry, (0, 0, -1), (1, 0, 0))
+    lamp = dataclasses.replace(data.luminaires[0], web=web, flux_lm=photometry.flux_lm)
+    return dataclasses.replace(data, luminaires=(lamp,))
+
+
+def test_lamps_with_webs_shine_in_packed_meshes(small_limits, monkeypatch):
+    packed_run = solve(webbed(), accuracy=0.1)
+    monkeypatch.setattr(memory, "DENSE_UNKNOWNS", 10**6)
+    whole = solve(webbed(), accuracy=0.1)
+    assert packed_run.counters["packed_bytes"] > 0
+    np.testing.assert_allclose(
+        packed_run.sensors["plane"].illuminance_lx,
+        whole.sensors["plane"].illuminance_lx,
+        rtol=2 * PACKED_ROUNDING,
+    )
+    found = packed_run.components["lamp.direct"]
+    # Single factors of the lamp, on each element: their rounding, and the scale of their row.
+    np.testing.assert_allclose(found, whole.components["lamp.direct"], rtol=2 * PACKED_ROUNDING)
+
+
+def test_elements_are_drawn_by_their_light():
+    flux = np.array([0.0, 3.0, 0.0, 1.0])
+    rows, times = drawn_by_flux(flux, 8)
+    np.testing.assert_array_equal(rows, [1, 3])
+    np.testing.assert_array_equal(times, [6.0, 2.0])
+    assert not len(drawn_by_flux(np.zeros(4), 8)[0])
+
+
+@pytest.fixture
+def many(monkeypatch):
+    """Meshes of more than 50 elements are large."""
+    monkeypatch.setattr(budget, "MANY_ELEMENTS", 50)
+
+
+def test_large_meshes_tell_their_error_without_a_coarser_one(many, monkeypatch):
+    large = solve(room(), accuracy=0.03)
+    assert "too large to be compared" in large.skipped["mesh check"]
+    assert 0.0 < large.settings["sampled_misplaced_flux"] < 0.5
+    monkeypatch.setattr(budget, "MANY_ELEMENTS", 10**6)
+    small = solve(room(), accuracy=0.01)
+    assert "sampled_misplaced_flux" not in small.settings
+    found, truth = large.sensors["plane"], small.sensors["plane"]
+    off = np.abs(found.illuminance_lx - truth.illuminance_lx)
+    assert (off <= found.error_lx + truth.error_lx).all()
+
+
+def test_what_is_sampled_falls_with_the_elements(many):
+    """A plate half in the shadow of another, lit by a lamp: finer elements misplace less."""
+    shares = [solve(room(), accuracy=a).settings["sampled_misplaced_flux"] for a in (0.08, 0.01)]
+    assert shares[1] < 0.6 * shares[0]
+
+
+def test_an_even_light_is_misplaced_nowhere(many):
+    sphere = Body(PatchSet.sphere((0, 0, 0), 1.0, inward=True))
+    furnace = scene(setup(sphere), rho=0.5, lamps=[(0, "wall", 100.0)])
+    result = solve(furnace, accuracy=0.01)
+    # As far as single factors are known: 3e-4 of 0.01.
+    assert result.settings["sampled_misplaced_flux"] < 3e-4
+
+
+def test_large_meshes_have_fewer_lines_a_node_and_one_node_on_what_is_small(monkeypatch):
+    data = room()
+    few = budget.Budget.of(data, 0.02)
+    assert not few.is_large
+    monkeypatch.setattr(budget, "MANY_ELEMENTS", few.elements // 2)
+    many = budget.Budget.of(data, 0.02)
+    assert many.elements == few.elements and many.is_large
+    assert few.lines == 250
+    assert many.lines == pytest.approx(125, abs=2)
+    assert many.small > few.small
+    monkeypatch.setattr(budget, "MANY_ELEMENTS", 1)
+    assert budget.Budget.of(data, 0.02).lines == budget.LEAST_LINES
+    assert budget.Budget.of(data, 0.5).lines == 48  # no more than a small mesh has
+
+
+def test_large_patches_are_cut_among_many(monkeypatch):
+    """A hall of more patches than there may be elements: its walls are cut all the same."""
+    monkeypatch.setattr(budget, "MAX_ELEMENTS", 100)
+    walls = Body(PatchSet.box((4, 5, 2.7), inward=True))
+    boxes = [
+        Body(PatchSet.box((0.1,) * 3, center=(x, y, -1))) for x in (-1, 0, 1) for y in range(-2, 3)
+    ]
+    boxes += [Body(PatchSet.box((0.1,) * 3, center=(x, 0.5, 0.5))) for x in (-1, -0.5, 0, 0.5, 1)]
+    data = scene(setup(walls, *boxes))
+    found = budget.Budget.of(data, 0.02)
+    assert len(data.patches) == 126
+    assert len(data.patches) < found.elements <= budget.PER_PATCH * 126
+    assert (found.divisions[:6] > 1).any() and (found.divisions[6:] == 1).all()
