@@ -22,7 +22,7 @@ from .topology import writable
 #: Sectors of azimuth, those of the cells of the dome, and receivers per kernel call.
 SECTORS, ROWS_PER_BLOCK = 8, 64
 #: Patches in a scene up to which the light of sky and ground is told exactly on elements too.
-PLAIN = 64
+PLAIN = 100
 #: Sine of the angle by which a side is off a straight line, up to rounding.
 _STRAIGHT = 1e-12
 

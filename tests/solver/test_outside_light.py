@@ -5,15 +5,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from patchlight.solver.dome import dome_cells
 from patchlight.solver.model import CIESky, PatchSet
 from patchlight.solver.model.bezier import gauss_rule
 from patchlight.solver.outside_light import Horizon
 from patchlight.solver.skies import relative_luminance
 from patchlight.solver.surfaces import Receivers
 
-from .fixtures_light import UP, Body, ceiling, rows, setup
+from .fixtures_light import UP, Body, ceiling, dome, rows, setup
 
 TILTS = np.radians([0.0, 1.0, 30.0, 45.0, 60.0, 89.0, 90.0, 91.0, 135.0, 179.0, 180.0])
+SKY, GROUND = dome_cells(0.0, 90.0), dome_cells(-90.0, 0.0)
 #: Only there where nothing is traced.
 ANY = setup(Body(PatchSet.box((1, 1, 1))))
 
@@ -195,3 +197,42 @@ def test_closed_room_and_receivers_without_share():
     found = light([(0, 0, 0), (1.9, 2.4, -1.4)], UP, room)
     assert (found.sky.factor == 0.0).all()
     assert (found.ground.factor == 0.0).all()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_heap_of_boxes_and_sheets_as_pyramids_see_it(seed):
+    """Closed bodies and sheets at random, in view of receivers with any normal."""
+    rng = np.random.default_rng(seed)
+    bodies = []
+    for _ in range(10):
+        size, at = rng.uniform(0.2, 1.5, 3), rng.uniform(-3, 3, 3)
+        bodies.append(Body(PatchSet.box(size, center=at)))
+        corner, a, b = rng.uniform(-3, 3, 3), rng.normal(size=3), rng.normal(size=3)
+        sheet = [corner, corner + a, corner + a + b, corner + b]
+        bodies.append(PatchSet.from_bilinear(np.array([sheet])))
+    parts, sky = setup(*bodies), CIESky(12, sun_altitude_deg=40.0, sun_azimuth_deg=10.0)
+    points, normals = rng.uniform(-4, 4, (6, 3)), rng.normal(size=(6, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    # Inside a box the fronts of its sides are not seen: such receivers look out through them.
+    found = light(points, normals, parts, sky, eps=1e-5)
+    for mine, cells, luminance in ((found.sky, SKY, sky), (found.ground, GROUND, 1.0)):
+        traced = dome(cells, points, normals, luminance, parts=parts, cell_eps=1e-4)
+        # Four standard deviations of what pyramids sample, and their 2 x 2 points at the sun.
+        slack = 4.0 * traced.deviation + 1e-3 * traced.illuminance
+        assert (np.abs(mine.illuminance - traced.illuminance) <= slack + 1e-6).all()
+        assert traced.illuminance.max() > 0.0
+
+
+def test_receivers_that_curved_surfaces_concern_can_be_left():
+    """Elements have their meridians for that: nothing is traced, and those left are named."""
+    ball = setup(Body(PatchSet.sphere((2.0, 0.3, 1.0), 0.3)))
+    points = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 9.0)])
+    receivers = Receivers.of_points(
+        points, np.tile([UP], (2, 1)).astype(float), np.ones(2), np.full(2, -1)
+    )
+    horizon = Horizon(ball.blockers, trace=True)
+    found = horizon.light(receivers, None, eps=1e-6, cell_eps=None)
+    # From above, the ball lies below the horizon.
+    assert found.left.tolist() == [True, False]
+    assert found.sky.counters["sky_sectors_traced"] == 0
+    assert found.sky.factor[1] == pytest.approx(1.0, abs=1e-9)
