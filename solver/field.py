@@ -17,6 +17,7 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky
 from .model.views import Sensors
+from .pane_field import PaneField
 from .radiosity import solve_radiosity
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
@@ -134,7 +135,8 @@ class FieldSolver:
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         #: All there is is one convex cavity.
-        self.in_cavity = is_single(blockers, blockers.hollow)
+        self.panes = PaneField(scene, blockers, trace=trace, stages=stages)
+        self.in_cavity = is_single(blockers, blockers.hollow) and not self.panes.any
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
         self._mesher = Mesher(scene, blockers, trace=trace, stages=stages)
         self.bands = 1 if scene.is_grey else 3
@@ -147,12 +149,13 @@ class FieldSolver:
             elements, misplaced = self._mesher.elements(budget)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
             sources, lifts = self._sources(budget, surfaces)
-        receivers = Receivers.of_elements(elements)
+        receivers = self.panes.receivers(elements)
         with self.stages.run(name or "form factors") as tell:
             asked = Ask(budget, receivers, sources, lifts)
             rows = self._factors.rows(asked, tell)
             sees_out = self._sees_out(rows, surfaces.areas > 0.0)
             row_sums = self._factors.close(rows, 1.0, asked, outside=sees_out)
+            rows = self.panes.complete(rows, asked, elements, surfaces.areas, mesh=True)
         light = Light({}, *np.zeros((3, len(elements))))
         scanned = rows.outside if self.trace else None
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
@@ -187,6 +190,7 @@ class FieldSolver:
         if not field.sees_out or {"sky", "ground"} <= set(light.direct):
             totals = 1.0 - light.outside
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
+        rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
         self._add_lamps(light, rows, field.surfaces)
         light.variance += self.webs.add(light.direct, rows, field.surfaces, asked, fine=True)
         return self._gathered(light, rows, field.surfaces, field.reflected)
@@ -194,7 +198,9 @@ class FieldSolver:
     def gather_indirect(self, grid: Sensors, budget: Budget, field: Field) -> FloatArray:
         """Indirect illuminance (m,) alone, for comparing meshes. [lx]"""
         with self.stages.run("mesh check") as tell:
-            rows = self._factors.rows(Ask(budget, Receivers.of_sensors(grid), field.sources), tell)
+            asked = Ask(budget, Receivers.of_sensors(grid), field.sources)
+            rows = self._factors.rows(asked, tell)
+            rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
         return luminous(rows.gather(field.all_reflected))
 
     def _gathered(
@@ -215,25 +221,26 @@ class FieldSolver:
         The brighter one is, the finer its partly hidden cells are cut, and the weaker are the
         pairs that are traced.
         """
-        emitted = luminous(surfaces.emitted)
-        mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
+        elements = self.panes.opaque(surfaces.elements)
+        emitted, areas = (a[: len(elements)] for a in (luminous(surfaces.emitted), surfaces.areas))
+        mean = float(emitted @ areas) / float(areas.sum())
         cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
         cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
         nets = self.scene.patches.control_points
         if not self.trace:
-            return make_sources(surfaces.elements, nets, cell_eps), np.zeros(len(emitted))
-        facets, lifts = make_facets(
-            surfaces.elements, nets, self.blockers.closed, self.blockers.solid
-        )
+            sources = make_sources(elements, nets, cell_eps)
+            return sources, np.zeros(len(surfaces.elements))
+        facets, lifts = make_facets(elements, nets, self.blockers.closed, self.blockers.solid)
         bright = emitted > BRIGHT * mean
-        facets = with_sights(facets, surfaces.elements, self.blockers.solid, bright, budget.sights)
+        facets = with_sights(facets, elements, self.blockers.solid, bright, budget.sights)
         exact_above = np.full(len(emitted), budget.exact_above)
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
-        return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
+        sources = make_sources(elements, nets, cell_eps, scan)
+        return sources, self.panes.lifts(lifts, surfaces.elements)
 
     def _sees_out(self, rows: Rows, lit: np.ndarray) -> bool:
         """Whether light may leave the scene anywhere, beyond what sampling explains."""
@@ -271,6 +278,9 @@ class FieldSolver:
         """
         scene, stages, trace = self.scene, self.stages, self.trace
         eps = budget.sensor_dome_cell_eps
+        if self.panes.any and sees_out:
+            self._add_glazed_dome(light, receivers, budget, stage, scanned)
+            return
         jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
         if scene.sky is not None:
             jobs.append(("sky", dome_cells(0.0, 90.0), scene.sky, eps, scene.sky.cct_k))
@@ -313,3 +323,24 @@ class FieldSolver:
             if name != "sun":
                 light.outside += found.factor
                 light.outside_variance += found.factor_variance
+
+    def _add_glazed_dome(
+        self,
+        light: Light,
+        receivers: Receivers,
+        budget: Budget,
+        stage: str | None,
+        scanned: FloatArray | None,
+    ) -> None:
+        """The same in a scene with panes."""
+        with self.stages.run(stage or "light through panes") as tell:
+            found = self.panes.daylight(receivers, budget, scanned, tell)
+        sky, sun = self.scene.sky, self.scene.sun
+        ccts = {"sky": sky and sky.cct_k, "sun": sun and sun.cct_k}
+        for name, lux in found.illuminance.items():
+            cct = ccts.get(name) or ccts["sky"] or 5500.0
+            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
+            light.direct[name] = lux[:, None] * color
+        light.variance += found.variance
+        light.outside += found.outside
+        light.outside_variance += found.outside_variance
