@@ -163,7 +163,11 @@ class FieldSolver:
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, stage=name)
         with self.stages.run(name or "radiosity"):
             reflected, products = solve_radiosity(
-                rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
+                rows.factors,
+                surfaces.reflectance,
+                light.direct,
+                accuracy=budget.accuracy,
+                scattering=self.panes.scattering(surfaces),
             )
         self.stages.count({"matrix_products": products})
         gathered = self._gathered(light, rows, surfaces, reflected)

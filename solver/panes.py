@@ -38,27 +38,28 @@ def make_panes(scene: SceneData) -> Panes:
     index = scene.glass_index[rows]
     solid = np.array([glazing.solid for glazing in scene.glazings], dtype=bool)
     return Panes(
-        *_tree(scene.patches.take(rows)),
-        solid=writable(solid[index], np.bool_),
-        law=writable(index, np.int64),
-        laws=laws,
-        angles=np.concatenate(angles),
-        values=np.concatenate(values),
+        *make_tree(scene.patches.take(rows)),
+        writable(solid[index], np.bool_),
+        writable(index, np.int64),
+        laws,
+        np.concatenate(angles),
+        np.concatenate(values),
     )
 
 
 def make_tree(patches: PatchSet) -> Tree:
     """What hides light, for rays."""
-    return Tree(*_tree(patches))
-
-
-def _tree(patches: PatchSet) -> list[np.ndarray]:
     # Parallel kernels see all their arrays as writable.
-    return [np.array(a, order="C") for a in RayCaster(patches).arrays]
+    return Tree(*(np.array(a, order="C") for a in RayCaster(patches).arrays))
 
 
 def shares_through(
-    panes: Panes, origins: ArrayLike, directions: ArrayLike, *, t_min: float, t_max: float = 1e300
+    panes: Panes,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    *,
+    t_min: float,
+    t_max: ArrayLike = 1e300,
 ) -> tuple[FloatArray, IntArray]:
     """Share (m,) of light that panes leave on lines, and the first pane (m,) met, −1 for none.
 
@@ -66,13 +67,21 @@ def shares_through(
     ----------
     origins, directions : (m, 3) array
         Lines. [m]
-    t_min, t_max : float
+    t_min, t_max : float, or (m,) array of the latter
         Part of them that counts, in units of the directions' length.
     """
     d = writable(np.asarray(directions))
     out, first = np.ones(len(d)), np.full(len(d), -1, dtype=np.int64)
     origins = writable(np.broadcast_to(np.asarray(origins), d.shape))
-    shares_along(panes, origins, d, t_min, np.full(len(d), min(t_max, 1e300)), out, first)
+    shares_along(
+        panes,
+        origins,
+        d,
+        t_min,
+        np.array(np.broadcast_to(np.minimum(t_max, 1e300), len(d))),
+        out,
+        first,
+    )
     return out, first
 
 

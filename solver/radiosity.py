@@ -9,6 +9,7 @@ import numpy as np
 from .errors import ConvergenceError, NumericsError
 from .exchange import products
 from .model.arrays import FloatArray, MatrixArray
+from .scattering import Scattering
 
 #: Relative residual asked of GMRES at least, and for each unit of accuracy asked for: what is left
 #: is far less than what meshes and form factors leave.
@@ -41,8 +42,11 @@ def solve_radiosity(
     direct: Mapping[str, FloatArray],
     *,
     accuracy: float = 0.0,
+    scattering: Scattering | None = None,
 ) -> tuple[dict[str, FloatArray], int]:
     """Reflected exitance of every light group, (I − ρ F) B = ρ E_direct.
+
+    With panels that scatter, ρ becomes ρ + S, and B holds what they scatter besides.
 
     Parameters
     ----------
@@ -54,6 +58,8 @@ def solve_radiosity(
         Direct irradiance by light group. [lx]
     accuracy : float
         Relative accuracy asked for.
+    scattering : Scattering, optional
+        What elements send on to those behind them.
 
     Returns
     -------
@@ -69,7 +75,8 @@ def solve_radiosity(
     """
     from scipy.sparse.linalg import LinearOperator, gmres
 
-    check_absorbs(factors, reflectance)
+    kept = reflectance if scattering is None else reflectance + scattering.share[:, None]
+    check_absorbs(factors, kept)
     n, count = len(factors), 0
     tolerance = max(TOLERANCE, TOLERANCE_SHARE * accuracy)
     out = {}
@@ -78,13 +85,18 @@ def solve_radiosity(
         for band in range(incident.shape[1]):
             rho = reflectance[:, band]
             source = rho * incident[:, band]
+            if scattering is not None:
+                source += scattering.sent(incident[:, band])
             if not source.any():
                 continue
 
             def operate(b: FloatArray, rho: FloatArray = rho) -> FloatArray:
                 nonlocal count
                 count += 1
-                return np.asarray(b - rho * products(factors, b))
+                light = products(factors, b)
+                if scattering is not None:
+                    b = b - scattering.sent(light)
+                return np.asarray(b - rho * light)
 
             solution, info = gmres(
                 LinearOperator((n, n), matvec=operate, dtype=np.float64),

@@ -264,6 +264,13 @@ class _Simulation:
             surfaces.material,
             np.where(surfaces.web, -1, surfaces.lamp),
         )
+        balance = solver.panes.in_ledger(
+            balance,
+            surfaces,
+            field.factors,
+            surfaces.diffuse + field.all_reflected,
+            light.components,
+        )
         return solver.webs.in_ledger(balance, surfaces, self.budget.accuracy, field.sees_out)
 
     def _say_skipped(self, blockers: Blockers) -> None:

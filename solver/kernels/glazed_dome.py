@@ -1,11 +1,11 @@
 """Sky and ground through panes.
 
 Seen from a receiver, a pane is a cell of directions: its control points relative to the receiver,
-with weight 0. The pyramids see the sky in it past everything that hides, before the pane and beyond
-it. A cell is cut exactly along the world's horizon where the pane is a flat quadrangle, and quartered
-until the share that panes let through changes little over it; the light of a cell is then that of
-the unhidden sky times the mean of that share, weighted with luminance and cosine. Each direction
-belongs to the pane that it meets first.
+with weight 0. The pyramids see the sky in it past everything that hides, before the pane and
+beyond it. A cell is cut exactly along the world's horizon where the pane is a flat quadrangle, and
+quartered until the share that panes let through changes little over it; the light of a cell is
+then that of the unhidden sky times the mean of that share, weighted with luminance and cosine.
+Each direction belongs to the pane that it meets first.
 """
 
 import math

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..errors import InputError
 
 #: Transmittance at one angle of incidence, (angle [deg], transmittance).
@@ -120,11 +122,7 @@ def _table(given: Sequence[object]) -> tuple[Pair, ...]:
         _check("transmittance", row[1], 0.0, 1.0)
         pairs.append((float(row[0]), float(row[1])))
     angles = [angle for angle, _ in pairs]
-    if (
-        not pairs
-        or angles[0] != 0.0
-        or any(b <= a for a, b in zip(angles, angles[1:], strict=False))
-    ):
+    if not pairs or angles[0] != 0.0 or (np.diff(angles) <= 0.0).any():
         raise InputError(
             f"Glass.transmittance: angles {angles}: must begin at 0 and grow, in degrees"
         )
