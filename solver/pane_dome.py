@@ -34,7 +34,7 @@ from .model.sky import CIESky, Sun
 from .panes import shares_through
 from .skies import ground_luminance, sky_tone, sun_luminance
 from .surfaces import Receivers
-from .topology import writable
+from .topology import PLANAR, writable
 
 #: Change of what panes let through that does not matter, as a form factor, against that below which
 #: partly hidden cells of the sky are sampled.
@@ -89,6 +89,12 @@ class PaneDome:
         self.blockers, self.walls = blockers, walls
         low, high = scene.patches.bounds()
         self.lift = 1e-9 * float(np.linalg.norm(high - low))
+        first = scene.opaque_count
+        self._flat = writable(walls.flags[first:] & PLANAR != 0, np.bool_)
+        nets = walls.nets[first:]
+        points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
+        over = np.einsum("pk,pqik->pqi", walls.cones[first:, :3], points[None] - points[:, None, :1])
+        self._ranges = np.stack([over.min(axis=2), over.max(axis=2)], axis=2)
 
     def light(
         self,
@@ -150,12 +156,14 @@ class PaneDome:
                 writable(receivers.normals[rows]),
                 writable(receivers.weights[rows]),
                 self.panes,
+                self.scene.opaque_count,
+                self._ranges,
+                self._flat,
                 tone,
-                self.blockers,
+                self.walls,
                 eps,
                 cell_eps,
                 TOLERANCE * cell_eps,
-                self.trace,
                 LEVELS,
                 QUARTERINGS,
                 self.lift,

@@ -5,7 +5,8 @@ with weight 0. The pyramids see the sky in it past everything that hides, before
 beyond it. A cell is cut exactly along the world's horizon where the pane is a flat quadrangle, and
 quartered until the share that panes let through changes little over it; the light of a cell is
 then that of the unhidden sky times the mean of that share, weighted with luminance and cosine.
-Each direction belongs to the pane that it meets first.
+Each direction belongs to the pane that it meets first: panes that are wholly before another one
+hide it like walls, of others that is told by sampling.
 """
 
 import math
@@ -110,14 +111,15 @@ def _turn(cell):
 
 @lean
 def _mean(
-    panes, own, cell, x, n, tone, region, lift, h, hu, hv, walk, work, scratch, point, area, found
+    panes, own, before, cell, x, n, tone, region, lift, h, hu, hv, walk, work, scratch, point, area, found
 ):
     """Means over a cell by 2 x 2 Gauss points.
 
     Of the share let through, and of whether pane ``own`` comes first, weighted with light; the
-    change of the first from the cell's middle; its form factor.
+    change of the first from the cell's middle; its form factor. Points that a pane ``before`` it
+    hides do not count, unless that is all.
     """
-    light = weight = mine = factor = 0.0
+    light = weight = mine = factor = any_light = any_weight = 0.0
     for i in range(2):
         for j in range(2):
             u = _GAUSS if i == 0 else 1.0 - _GAUSS
@@ -136,6 +138,10 @@ def _mean(
                 panes, x[0], x[1], x[2], h[0] / size, h[1] / size, h[2] / size, lift, _FAR, walk,
                 work, scratch, point, area,
             )  # fmt: skip
+            any_light += w * share
+            any_weight += w
+            if first >= 0 and first != own and before[first]:
+                continue
             weight += w
             if first == own:
                 mine += w
@@ -146,10 +152,13 @@ def _mean(
         panes, x[0], x[1], x[2], h[0] / size, h[1] / size, h[2] / size, lift, _FAR, walk, work,
         scratch, point, area,
     )  # fmt: skip
-    found[0] = light / weight if weight > 0.0 else 0.0
-    found[1] = mine / weight if weight > 0.0 else 0.0
-    found[2] = abs(found[0] - (share if first == own else 0.0))
-    found[2] = max(found[2], found[1] * (1.0 - found[1]))
+    if weight > 0.0:
+        found[0], found[1] = light / weight, mine / weight
+        hidden = first >= 0 and first != own and before[first]
+        found[2] = 0.0 if hidden else abs(found[0] - (share if first == own else 0.0))
+        found[2] = max(found[2], found[1] * (1.0 - found[1]))
+    else:
+        found[0], found[1], found[2] = any_light / any_weight, 1.0, 0.0
     found[3] = factor
 
 
@@ -190,10 +199,40 @@ def _begin(cell, kind, solid, rounding, polygons, stack, level, region, h, hu, h
     return 1
 
 
+@lean
+def _find_before(x, own, first, blockers, ranges, flat, lift, before):
+    """Mark the panes (p,) that are wholly before pane ``own``, as seen from ``x``."""
+    h = _height(x, first + own, blockers)
+    for p in range(before.shape[0]):
+        before[p] = False
+        if p == own or blockers.solid[first + p] == blockers.solid[first + own]:
+            continue
+        if flat[own] and abs(h) > lift:
+            low, high = ranges[own, p, 0], ranges[own, p, 1]
+            if (low >= -lift) if h > 0.0 else (high <= lift):
+                before[p] = True
+                continue
+        if flat[p]:
+            g = _height(x, first + p, blockers)
+            low, high = ranges[p, own, 0], ranges[p, own, 1]
+            if abs(g) > lift and ((high <= lift) if g > 0.0 else (low >= -lift)):
+                before[p] = True
+
+
+@lean
+def _height(x, b, blockers):
+    """Height of ``x`` over the plane of a flat patch. [m]"""
+    h = 0.0
+    for k in range(3):
+        corner = blockers.nets[b, 0, 0, k] / blockers.nets[b, 0, 0, 3]
+        h += blockers.cones[b, k] * (x[k] - corner)
+    return h
+
+
 @parallel
 def glazed_rows(
-    nodes, normals, weights, panes, tone, blockers, eps, cell_eps, tolerance, trace, levels,
-    quarterings, lift, out,
+    nodes, normals, weights, panes, first, ranges, flat, tone, blockers, eps, cell_eps, tolerance,
+    levels, quarterings, lift, out,
 ):  # fmt: skip
     """Light of sky and ground that comes to receivers (m, q, 3) through panes.
 
@@ -205,11 +244,17 @@ def glazed_rows(
         Share of each node; 0 for nodes that get no light.
     panes : Panes
         Patches that are seen through.
+    first : int
+        Row of the first of them among the ``blockers``; they are the last.
+    ranges : (p, p, 2) array
+        Least and greatest height of each pane (second) over the plane of each flat one (first). [m]
+    flat : (p,) bool array
+        Which are flat.
     tone : (10,) array
         Sky, as `pyramid.visible_factor` wants it.
     blockers : Blockers
-        What hides light.
-    eps, cell_eps, trace, levels
+        All patches.
+    eps, cell_eps, levels
         As `dome.dome_rows`.
     tolerance : float
         Form factor times change of the share let through up to which a cell is not quartered.
@@ -226,6 +271,7 @@ def glazed_rows(
     for i in nb.prange(nodes.shape[0]):
         scratch = make_scratch(count, levels)
         listed = np.empty(count + 1, dtype=np.int64)
+        before = np.empty(panes.nets.shape[0], dtype=np.bool_)
         seen, cone, plain, dark = np.empty(4), np.zeros(4), np.zeros((5, 4)), np.empty(0)
         x, n, h, hu, hv = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
         polygons = np.empty((2, 8, 3))
@@ -241,13 +287,12 @@ def glazed_rows(
             for k in range(3):
                 x[k], n[k] = nodes[i, q, k], normals[i, q, k]
             rounding = horizon_tolerance(x)
-            hidden = 0
-            if trace:
-                see_blockers(blockers, x, n, rounding, scratch.shifted, scratch.state)
-                for b in range(count):
-                    if scratch.state[b] != NO_BLOCKER:
-                        listed[hidden] = b
-                        hidden += 1
+            walls = 0
+            see_blockers(blockers, x, n, rounding, scratch.shifted, scratch.state)
+            for b in range(first):
+                if scratch.state[b] != NO_BLOCKER:
+                    listed[walls] = b
+                    walls += 1
             for p in range(panes.nets.shape[0]):
                 shift_net(panes.nets[p], x, cell)
                 _, _, high = heights(cell, n)
@@ -257,6 +302,12 @@ def glazed_rows(
                     cell, panes.kinds[p], panes.solid[p], lift, polygons, stack, level, region,
                     h, hu, hv,
                 )  # fmt: skip
+                _find_before(x, p, first, blockers, ranges, flat, lift, before)
+                hidden = walls
+                for b in range(before.shape[0]):
+                    if before[b] and scratch.state[first + b] != NO_BLOCKER:
+                        listed[hidden] = first + b
+                        hidden += 1
                 while top > 0:
                     top -= 1
                     copy_net(stack[top], cell)
@@ -287,7 +338,7 @@ def glazed_rows(
                         if facing < 0 and panes.solid[p]:
                             continue
                         _mean(
-                            panes, p, cell, x, n, tone, where, lift, h, hu, hv, walk, work, small,
+                            panes, p, before, cell, x, n, tone, where, lift, h, hu, hv, walk, work, small,
                             point, area, mean,
                         )  # fmt: skip
                         rough = mean[2] * mean[3] > tolerance or (
