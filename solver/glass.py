@@ -112,7 +112,7 @@ def slab(cosine: ArrayLike, n: float, depth: float) -> tuple[FloatArray, FloatAr
         Refractive index, and absorption coefficient times thickness.
     """
     c = np.asarray(cosine, dtype=np.float64)
-    inside = np.sqrt(1.0 - (1.0 - c**2) / n**2)
+    inside = np.sqrt((n**2 - 1.0) + c**2) / n
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.exp(-depth / inside) if depth > 0.0 else np.ones_like(c)
         through, back = np.zeros_like(c), np.zeros_like(c)

@@ -93,7 +93,9 @@ class PaneDome:
         self._flat = writable(walls.flags[first:] & PLANAR != 0, np.bool_)
         nets = walls.nets[first:]
         points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
-        over = np.einsum("pk,pqik->pqi", walls.cones[first:, :3], points[None] - points[:, None, :1])
+        over = np.einsum(
+            "pk,pqik->pqi", walls.cones[first:, :3], points[None] - points[:, None, :1]
+        )
         self._ranges = np.stack([over.min(axis=2), over.max(axis=2)], axis=2)
 
     def light(

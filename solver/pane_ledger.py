@@ -24,7 +24,6 @@ from .model.sky import direction
 from .panes import shares_through
 from .raycast import RayCaster
 from .skies import luminance
-from .surfaces import Receivers
 
 #: Directions over the hemisphere, by height and azimuth, for what passes of the light of the sky.
 HEIGHTS, AZIMUTHS = 12, 24
@@ -87,20 +86,22 @@ class Passing:
 
     def of_surfaces(self, factors: FloatArray, exitance: FloatArray) -> FloatArray:
         """Of what all elements send (n, b): (k, b). [lm/m²]"""
-        points = self._all.nodes
+        points, normals, areas = self._all.nodes, self._all.normals, self._all.weights
         out = np.zeros((len(self.rows), exitance.shape[1]))
-        weights = Receivers.of_elements(self._own).weights
         for k, (row, law) in enumerate(zip(self.rows, self._laws, strict=True)):
-            share = np.zeros(len(points))
+            light, view = np.zeros((2, len(points)))
             for node, normal, weight in zip(
-                self._own.nodes[k], self._own.normals[k], weights[k], strict=True
+                self._own.nodes[k], self._own.normals[k], self._own.weights[k], strict=True
             ):
                 way = points - node
-                length = np.linalg.norm(way, axis=2)
-                cosine = (way @ normal) / np.maximum(length, 1e-300)
-                straight = law.transmittance(np.clip(cosine, 0.0, 1.0)) * (1.0 - law.diffuse)
-                share += weight * straight.mean(axis=1)
-            out[k] = (factors[row] * share) @ exitance
+                square = np.maximum(np.einsum("nqk,nqk->nq", way, way), 1e-100)
+                here = np.maximum(way @ normal, 0.0)
+                there = np.maximum(-np.einsum("nqk,nqk->nq", way, normals), 0.0)
+                seen = weight * areas * here * there / square**2
+                light += (seen * law.transmittance(here / np.sqrt(square))).sum(axis=1)
+                view += seen.sum(axis=1)
+            straight = np.where(view > 0.0, light / np.where(view > 0.0, view, 1.0), 0.0)
+            out[k] = (factors[row] * straight * (1.0 - law.diffuse)) @ exitance
         return out
 
     def of_daylight(self, direct: Mapping[str, FloatArray]) -> FloatArray:

@@ -111,7 +111,24 @@ def _turn(cell):
 
 @lean
 def _mean(
-    panes, own, before, cell, x, n, tone, region, lift, h, hu, hv, walk, work, scratch, point, area, found
+    panes,
+    own,
+    before,
+    cell,
+    x,
+    n,
+    tone,
+    region,
+    lift,
+    h,
+    hu,
+    hv,
+    walk,
+    work,
+    scratch,
+    point,
+    area,
+    found,
 ):
     """Means over a cell by 2 x 2 Gauss points.
 
@@ -338,8 +355,8 @@ def glazed_rows(
                         if facing < 0 and panes.solid[p]:
                             continue
                         _mean(
-                            panes, p, before, cell, x, n, tone, where, lift, h, hu, hv, walk, work, small,
-                            point, area, mean,
+                            panes, p, before, cell, x, n, tone, where, lift, h, hu, hv, walk, work,
+                            small, point, area, mean,
                         )  # fmt: skip
                         rough = mean[2] * mean[3] > tolerance or (
                             facing == 0 and mean[3] > tolerance

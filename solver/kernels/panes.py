@@ -86,7 +86,7 @@ def transmittance(panes, law, c):
             k += 1
         t = (angle - panes.angles[k]) / (panes.angles[k + 1] - panes.angles[k])
         return straight * (panes.values[k] + min(t, 1.0) * (panes.values[k + 1] - panes.values[k]))
-    inside = math.sqrt(1.0 - (1.0 - c * c) / (n * n))
+    inside = math.sqrt((n * n - 1.0) + c * c) / n
     if inside == 0.0:
         return 0.0 if depth > 0.0 else straight
     left = math.exp(-depth / inside)

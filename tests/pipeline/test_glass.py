@@ -126,6 +126,7 @@ def outdoors(scene: Scene) -> None:
     scene.assign("globe", Emitter(flux_lm=10_000.0))
 
 
+@pytest.mark.slow
 def test_glass_that_keeps_nothing_back_is_no_glass():
     """Lamp and reflected light: the same factors, times 1, and columns of panes that send none."""
     found = []
@@ -191,6 +192,7 @@ def test_sun_through_a_window():
     assert found[0][1] == found[1][1] == 0.0
 
 
+@pytest.mark.slow
 def test_light_adds_up():
     """Twice the sky is twice its light, and that of the lamp stays."""
     found = []
@@ -220,7 +222,10 @@ def test_the_ledger_closes(diffuse):
 
 
 def test_a_furnace_with_a_pane_across_it():
-    """A closed box that absorbs in the pane only: all that the lamp gives ends there."""
+    """A closed box that absorbs in the pane only: all that the lamp gives ends there.
+
+    To the 2 % that what passes is known to with four nodes an element, and 1 % of the residual.
+    """
     scene = Scene()
     scene.add(PatchSet.box((2, 2, 2), inward=True), "box")
     scene.assign("box", Material(1.0))
@@ -231,7 +236,7 @@ def test_a_furnace_with_a_pane_across_it():
     scene.assign("lamp", Material(1.0))
     balance = simulate(scene, accuracy=0.1).balance
     assert balance.emitted_lm == pytest.approx(1000.0)
-    assert balance.absorbed_by_material["glass 50 mm"] == pytest.approx(1000.0, rel=0.02)
+    assert balance.absorbed_by_material["glass 50 mm"] == pytest.approx(1000.0, rel=0.03)
 
 
 def test_a_diffusing_sphere_about_a_lamp():
@@ -254,6 +259,26 @@ def test_a_diffusing_sphere_about_a_lamp():
         4.0 * np.pi * law.diffuse_transmittance * inside, rel=1e-3
     )
     assert abs(result.balance.residual_fraction) < 1e-3
+
+
+def test_a_diffusing_plate(make_model):
+    """What falls on one face of a solid leaves by the other, and no flux is lost on the way."""
+    scene = Scene(make_model("m", {"plate": ((1.0, 1.0, 0.01), (0, 0, 0), False)}))
+    glass = Glass(absorption_per_m=0.0, diffuse=1.0)
+    scene.assign("plate", glass)
+    scene.add(PatchSet.sphere((0.2, 0.1, 2.0), 0.05), "lamp")
+    scene.assign("lamp", Emitter(flux_lm=1000.0))
+    result = simulate(scene, accuracy=0.1)
+    plate = result.surfaces["plate"]
+    faces = result.elements.normals[plate.element_index, 0, 2]
+    lit, other = (plate.area_m2 * (sign * faces > 0.5) for sign in (1.0, -1.0))
+    tau = GlassLaw.of(Glazing(glass)).diffuse_transmittance
+    assert plate.exitance_lm_m2 @ other == pytest.approx(tau * (plate.illuminance_lx @ lit))
+    assert not plate.illuminance_lx[other > 0.0].any()
+    # Nothing is absorbed but by the black lamp, which sees little of the plate.
+    glass_name = "diffusing glass"
+    edges = plate.area_m2 @ (plate.illuminance_lx * (np.abs(faces) < 0.5))
+    assert result.balance.absorbed_by_material[glass_name] <= edges + 1e-6
 
 
 def test_a_solid_pane_is_a_slab(make_model):
