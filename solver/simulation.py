@@ -287,7 +287,8 @@ class _Simulation:
         if scene.is_grey:
             skipped["colour"] = "every material is grey: one band"
         if not clear:
-            skipped["glass"] = "nothing is seen through"
+            off = self.visibility == "none"
+            skipped["glass"] = "switched off" if off else "nothing is seen through"
         if not scene.luminaires:
             skipped["electric light"] = "no luminaires"
         if scene.sky is None:
