@@ -99,6 +99,13 @@ def _seen_sign(cell, u, v, h, hu, hv):
 
 
 @lean
+def _size(cell, h, hu, hv):
+    """Solid angle of a small cell over π, the most that its form factor can be."""
+    sign = _seen_sign(cell, 0.5, 0.5, h, hu, hv)
+    return abs(sign) / (math.pi * (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]) ** 1.5)
+
+
+@lean
 def _turn(cell):
     """Let u run backwards."""
     for j in range(4):
@@ -343,7 +350,7 @@ def glazed_rows(
                             where = _ABOVE
                         elif most <= 0.0:
                             where = _BELOW
-                        elif last:
+                        elif last or _size(cell, h, hu, hv) <= tolerance:
                             turned = _seen_sign(cell, 0.5, 0.5, h, hu, hv) < 0.0
                             top = _push_clipped(
                                 cell, turned, polygons[0], polygons[1], stack, level, region,

@@ -384,3 +384,27 @@ def test_glass_in_a_scene_file(folder):
     both = text.replace("glass =", "material = { reflectance = 0.5 }\nglass =")
     with pytest.raises(InputError, match="material or glass"):
         load_scene(write(folder, both))
+
+
+@pytest.mark.slow
+def test_under_a_dome_of_glass():
+    """In the middle of a sphere all light comes at normal incidence; the bright disc, too."""
+    found = []
+    for glass in (None, PANE):
+        scene = Scene()
+        scene.add(
+            quad((-0.2, -0.2, -0.5), (0.2, -0.2, -0.5), (0.2, 0.2, -0.5), (-0.2, 0.2, -0.5)), "a"
+        )
+        scene.assign("a", Material(0.0))
+        if glass is not None:
+            scene.add(PatchSet.sphere((0, 0, 0), 1.0), "bulb")
+            scene.assign("bulb", glass)
+        scene.sky, scene.ground = CIESky(5, diffuse_illuminance_lx=10_000.0), Ground(0.2)
+        scene.sun = Sun(50.0, 120.0, normal_illuminance_lx=10_000.0)
+        grid = with_points(scene, [(0, 0, 0), (0, 0, 0)], [UP, (0, 1, 0)])
+        found.append(simulate(grid, accuracy=0.3).sensors["points"].components)
+    tau = float(LAW.transmittance(1.0))
+    # Cells along the horizon are cut by chords; the plate's edges are sampled.
+    for name, share in (("sky", 1e-4), ("sun", 1e-6), ("ground", 5e-3)):
+        key = f"{name}.direct"
+        np.testing.assert_allclose(found[1][key], tau * found[0][key], rtol=share, atol=1e-9)
