@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from patchlight.solver.errors import InputError
-from patchlight.solver.model import Air, Emitter, Material, Part
+from patchlight.solver.model import Air, Emitter, Glass, Material, Part
 from patchlight.solver.model.result import matches
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class Assignment:
     """
 
     pattern: str
-    what: Material | Emitter | Air
+    what: Material | Glass | Emitter | Air
     faces: str | None
     layer: str | None
     color: str | None

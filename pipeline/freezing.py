@@ -28,6 +28,7 @@ from patchlight.solver.model.sky import direction
 
 from .assigning import full_path
 from .frames import transformed_normals, transformed_points
+from .glazing import with_glass
 from .problems import Problems
 from .slots import Slots, filled_slots
 from .webs import Webs, web_notes
@@ -78,7 +79,7 @@ def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
     material_index[~two_sided, 1] = BLACK
     luminaire_index = slots.luminaire[patches.face_index]
     luminaire_index[~two_sided, 1] = -1
-    return slots, SceneData(
+    data = SceneData(
         patches=patches,
         two_sided=two_sided,
         closed=(kinds == "solid") | (kinds == "air"),
@@ -98,6 +99,7 @@ def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
         default_faces=slots.default_faces,
         title=scene.title or next(iter(scene.entries)),
     )
+    return slots, with_glass(data, slots.glass)
 
 
 def _part_table(scene: Scene) -> tuple[tuple[ScenePart, ...], tuple[SceneFace, ...]]:

@@ -45,14 +45,16 @@ def _default_faces(data: SceneData) -> list[str]:
 
 
 def _glass(data: SceneData) -> list[str]:
+    clear = set(data.patches.part_index[data.glass_index >= 0].tolist())
     names = [
         part.path
-        for part in data.parts
-        if any(word in part.path.rsplit("/", 1)[-1].lower() for word in GLASS_NAMES)
+        for row, part in enumerate(data.parts)
+        if row not in clear
+        and any(word in part.path.rsplit("/", 1)[-1].lower() for word in GLASS_NAMES)
     ]
     if not names:
         return []
-    return [f"named like glass, but opaque here (glass is not computed): {listed(names)}"]
+    return [f"named like glass, but opaque: assign Glass to let light through: {listed(names)}"]
 
 
 def _light(data: SceneData) -> list[str]:

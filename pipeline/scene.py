@@ -15,6 +15,7 @@ from patchlight.solver.model import (
     Camera,
     CIESky,
     Emitter,
+    Glass,
     Ground,
     Material,
     Model,
@@ -290,22 +291,23 @@ class Scene:
     def assign(
         self,
         pattern: str,
-        what: Material | Emitter | Air,
+        what: Material | Glass | Emitter | Air,
         *,
         faces: str | None = None,
         layer: str | None = None,
         color: str | None = None,
     ) -> int:
-        """Give parts or faces a material, make them emit, or declare them the air of a room.
+        """Give parts or faces a material, make them glass, lamps, or the air of a room.
 
-        Material and Emitter are separate slots of a face; the last assignment wins in each.
+        A face is opaque, of a Material, or it is Glass; Emitter is a slot of its own. The last
+        assignment wins in each. A solid is glass as a whole.
 
         Parameters
         ----------
         pattern : str
             Part path: ``*`` stays in a segment, ``**`` crosses; without ``/`` it is compared with
             the last segment of every path.
-        what : Material, Emitter or Air
+        what : Material, Glass, Emitter or Air
             `Emitter.flux_lm` is the flux of each matched part.
         faces : str, optional
             ``up``, ``down``, ``vertical``, ``#7``, a name or colour of a face, or a CadQuery
@@ -323,9 +325,11 @@ class Scene:
         InputError
             If nothing matches; the message names the three nearest paths.
         """
-        if not isinstance(what, Material | Emitter | Air):
+        if not isinstance(what, Material | Glass | Emitter | Air):
             kind = type(what).__name__
-            raise InputError(f"assign {pattern!r}: {kind}: expected a Material, Emitter or Air")
+            raise InputError(
+                f"assign {pattern!r}: {kind}: expected a Material, Glass, Emitter or Air"
+            )
         if not (faces is None or isinstance(faces, str)):
             raise InputError(
                 f'assign {pattern!r}: faces = {faces!r}: expected a selector such as "up" or "#3"'

@@ -6,7 +6,17 @@ import math
 from typing import Annotated, Any, Literal
 
 from patchlight.solver.errors import PatchlightError
-from patchlight.solver.model import Air, Camera, CIESky, Emitter, Ground, Material, Site, Sun
+from patchlight.solver.model import (
+    Air,
+    Camera,
+    CIESky,
+    Emitter,
+    Glass,
+    Ground,
+    Material,
+    Site,
+    Sun,
+)
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, model_validator
 
 from .assigning import srgb8
@@ -130,6 +140,25 @@ class EmitterTable(Table):
         return Emitter(**self.given())
 
 
+class GlassTable(Table):
+    """Glass: a pane of it is a slab with two parallel faces."""
+
+    thickness_m: Number | None = None
+    """That of the solid when not given. [m]"""
+    n: Number = 1.52
+    """Refractive index."""
+    absorption_per_m: Number = 6.783
+    """Absorption coefficient. [1/m]"""
+    transmittance: Number | list[tuple[Number, Number]] | None = None
+    """Instead of the absorption: at normal incidence, or pairs [angle_deg, transmittance]."""
+    diffuse: Number = 0.0
+    """Share of the transmitted light that is scattered, 0 to 1."""
+
+    def build(self) -> Glass:
+        """The glass."""
+        return Glass(**self.given())
+
+
 class AssignTable(Table):
     """What some parts or faces are made of."""
 
@@ -141,21 +170,26 @@ class AssignTable(Table):
     color: Text | None = None
     """CAD colour such as #ffcc00."""
     material: MaterialTable | None = None
+    glass: GlassTable | None = None
     emitter: EmitterTable | None = None
     air: StrictBool = False
     """The parts are the volume of the room itself."""
 
-    def build(self) -> list[Material | Emitter | Air]:
+    def build(self) -> list[Material | Glass | Emitter | Air]:
         """The things to assign."""
-        things: list[Material | Emitter | Air] = []
+        things: list[Material | Glass | Emitter | Air] = []
         if self.material is not None:
             things.append(self.material.build())
+        if self.glass is not None:
+            things.append(self.glass.build())
         if self.emitter is not None:
             things.append(self.emitter.build())
         if self.air:
             things.append(Air())
         if not things:
-            raise ValueError("give material, emitter or air")
+            raise ValueError("give material, glass, emitter or air")
+        if self.material is not None and self.glass is not None:
+            raise ValueError("give material or glass: a face is either")
         if self.color is not None:
             srgb8(self.color, f"assign {self.parts!r}")
         return things

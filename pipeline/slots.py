@@ -1,4 +1,4 @@
-"""Material and emitter slots of every face: the last assignment wins in each."""
+"""What every face is made of, a material or glass, and its lamp: the last assignment wins."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from patchlight.solver.model import BLACK, Emitter, Material
+from patchlight.solver.model import BLACK, Emitter, Glass, Material
 from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
 
 from .assigning import matched_faces, row_offsets
@@ -32,6 +32,8 @@ class Slots:
         Faces on the default material.
     lamps : list of (part row, Emitter)
         One a part and assignment.
+    glass : list of Glass or None
+        Of each face.
     """
 
     material: np.ndarray
@@ -39,13 +41,14 @@ class Slots:
     default_faces: np.ndarray
     materials: tuple[Material, ...]
     lamps: list[tuple[int, Emitter]]
+    glass: list[Glass | None]
 
 
 def filled_slots(scene: Scene) -> Slots:
     """Resolve all assignments of ``scene``."""
     part_start, face_start = row_offsets(scene.entries)
     faces = sum(len(entry.model.faces) for entry in scene.entries.values())
-    given: list[Material | None] = [None] * faces
+    given: list[Material | Glass | None] = [None] * faces
     lamp_of_face = np.full(faces, -1)
     lamps: list[tuple[int, Emitter]] = []
     for assignment in scene.assignments:
@@ -55,16 +58,20 @@ def filled_slots(scene: Scene) -> Slots:
             if isinstance(assignment.what, Emitter):
                 lamp_of_face[rows] = len(lamps)
                 lamps.append((part_row, assignment.what))
-            elif isinstance(assignment.what, Material):
+            elif isinstance(assignment.what, Material | Glass):
                 for row in rows:
                     given[row] = assignment.what
     lamps, lamp_of_face = _used(lamps, lamp_of_face)
     table: dict[Material, int] = {}
     material = np.full((faces, 2), BLACK)
     default = np.zeros(faces, dtype=bool)
+    glass: list[Glass | None] = [None] * faces
     colors = _cad_colors(scene) if scene.colors == "reflectance" else [None] * faces
     for row in range(faces):
         front = given[row] or colors[row]
+        if isinstance(front, Glass):
+            glass[row] = front
+            continue
         if front is None:
             if lamp_of_face[row] >= 0:
                 continue  # an emitting face without a material reflects nothing
@@ -77,7 +84,7 @@ def filled_slots(scene: Scene) -> Slots:
         luminaire[row] = [
             lamp_of_face[row] if side in ("both", here) else -1 for here in ("front", "back")
         ]
-    return Slots(material, luminaire, default, tuple(table), lamps)
+    return Slots(material, luminaire, default, tuple(table), lamps, glass)
 
 
 def _used(

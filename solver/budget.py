@@ -154,8 +154,8 @@ class Budget:
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
         large = total > MANY_ELEMENTS
-        if total > MAX_ELEMENTS:
-            basis = "constant"
+        if total > MAX_ELEMENTS or scene.glazings:
+            basis = "constant"  # what passes panes, and what they scatter, is known by elements
         nodes = NODES[basis]
         cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())
         return cls(

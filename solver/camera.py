@@ -14,6 +14,7 @@ from .model.result import CameraImage, luminous
 from .model.scene import SceneData
 from .model.sky import direction
 from .model.views import Camera
+from .pane_view import PaneView
 from .raycast import RayCaster
 from .skies import (
     ground_luminance,
@@ -51,7 +52,7 @@ class Renderer:
     irradiance : (n,) array
         Illuminance, shown smoothly. [lx]
     caster : RayCaster, optional
-        Of ``scene.patches``, when there already is one.
+        Of the patches of ``scene`` that nothing is seen through, when there already is one.
     webs : sequence of WebLamp
         Lamps whose luminance depends on where they are seen from; they are not in ``emitted``.
 
@@ -83,7 +84,9 @@ class Renderer:
         self.scene, self._webs, self._grey = scene, webs, bands == 1
         # By patch and side, as a ray sees it; the last row stands for patch −1.
         self._lamp_of = np.concatenate([scene.luminaire_index, [[-1, -1]]])
-        self._caster = RayCaster(scene.patches) if caster is None else caster
+        # Patches that are seen through come last: rows of the others are the same without them.
+        self._caster = RayCaster(scene.without_panes.patches) if caster is None else caster
+        self._panes = PaneView(scene) if scene.see_through.any() else None
         means = np.concatenate([reflected, irradiance[:, None]], axis=1)
         start, order = _elements_by_side(elements, len(scene.patches))
         self._shading = (
@@ -139,9 +142,25 @@ class Renderer:
                 rgb[rows], illuminance[rows], normals[rows],
             )  # fmt: skip
             self._add_webs(rgb[rows], d, hits.patch, hits.facing)
+            if self._panes is not None:
+                self._panes.cover(rgb[rows], origins[rows], d, hits.t, self._shaded)
             depth[rows] = np.where(hits.patch >= 0, hits.t, np.nan)
             patch[rows] = hits.patch
         return rgb, illuminance, depth, normals, patch
+
+    def _shaded(
+        self, directions: FloatArray, patch: IntArray, u: FloatArray, v: FloatArray, side: IntArray
+    ) -> FloatArray:
+        """Luminance (m, 3) of surfaces where rays meet them. [cd/m²]"""
+        from .kernels.render import shade
+
+        rgb, lux, normals = (
+            np.zeros((len(patch), 3)),
+            np.zeros(len(patch)),
+            np.zeros((len(patch), 3)),
+        )
+        shade(*self._shading, frozen(directions), patch, u, v, side, rgb, lux, normals)
+        return rgb
 
     def _add_webs(
         self, rgb: FloatArray, directions: FloatArray, patch: IntArray, facing: IntArray

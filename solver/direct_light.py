@@ -47,7 +47,8 @@ class DirectLight:
         self._exitance = levels[scene.luminaire_index[patch, side]]
         nets = scene.patches.control_points
         self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
-        self._caster = RayCaster(scene.patches) if trace else None
+        self._caster = RayCaster(scene.without_panes.patches) if trace else None
+        self._opaque = scene.opaque_count
         low, high = scene.patches.bounds()
         self._lift = LIFT * float(np.linalg.norm(high - low))
 
@@ -73,7 +74,7 @@ class DirectLight:
             points[:, None],
             normals[:, None],
             np.ones((len(points), 1)),
-            patches,
+            np.where(patches < self._opaque, patches, -1),
             self._sources,
             self.blockers,
             eps=EPS,

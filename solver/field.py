@@ -23,6 +23,7 @@ from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
+from .pane_field import PaneField
 from .radiosity import RadiositySystem
 from .reciprocity import LampShares
 from .row_finder import FINE_SHARE, Ask, RowFinder
@@ -138,9 +139,10 @@ class FieldSolver:
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         #: All there is is one convex cavity.
-        self.in_cavity = is_single(blockers, blockers.hollow)
+        self.panes = PaneField(scene, blockers, trace=trace, stages=stages)
+        self.in_cavity = is_single(blockers, blockers.hollow) and not self.panes.any
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
-        self._incidence = Incidence(scene, blockers, trace=trace, stages=stages)
+        self._incidence = Incidence(scene, blockers, self.panes, trace=trace, stages=stages)
         self.mesher = Mesher(scene, blockers, trace=trace, stages=stages, tester=tester)
         self.bands, self.webs = self._incidence.bands, self._incidence.webs
         self.lamp_groups = self._incidence.lamp_groups
@@ -151,24 +153,31 @@ class FieldSolver:
             elements = self.mesher.elements(budget, boxes)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
             sources, lifts = self._sources(budget, surfaces)
-            unknowns = Unknowns.of(elements, budget.basis)
+            unknowns = self.panes.in_the_open(Unknowns.of(elements, budget.basis), elements)
         of = unknowns.element
         with self.stages.run("form factors") as tell:
             asked = Ask(budget, unknowns.receivers, sources, lifts[of])
             rows: Rows
-            if unknowns.basis is None and is_packed(len(unknowns), len(elements)):
+            by_elements = unknowns.basis is None and not self.panes.any
+            if by_elements and is_packed(len(unknowns), len(elements)):
                 found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
                 rows, sees_out, raw = found
             else:
                 rows = self._factors.rows(asked, tell)
                 sees_out = self._sees_out(rows, unknowns.areas > 0.0)
                 raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
+                rows = self.panes.complete(rows, asked, elements, surfaces.areas, mesh=True)
             factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
         shares = LampShares.of(rows, surfaces, unknowns)
         light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
-            system = RadiositySystem(factors, rho, accuracy=budget.accuracy)
+            system = RadiositySystem(
+                factors,
+                rho,
+                accuracy=budget.accuracy,
+                scattering=self.panes.scattering(surfaces),
+            )
             sent = system.solve(light.direct)
             indirect = {group: multiplied(factors, values) for group, values in sent.items()}
         self.stages.figures["spectral_radius"] = system.radius
@@ -209,6 +218,7 @@ class FieldSolver:
         asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
         rows = self._factors.rows(asked)
         self._factors.close(rows, 1.0, asked, outside=field.sees_out)
+        rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
         light = self._incidence.on(
             asked, rows, field.surfaces, some, field.lamp_shares, sees_out=field.sees_out
         )
@@ -237,6 +247,7 @@ class FieldSolver:
         if not field.sees_out or {"sky", "ground"} <= set(light.direct):
             totals = 1.0 - light.outside
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
+        rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
         return SensorRows(asked, rows, light)
 
@@ -275,22 +286,23 @@ class FieldSolver:
         The brighter one is, the finer its partly hidden cells are cut, and the weaker are the
         pairs that are traced.
         """
-        emitted = luminous(surfaces.emitted)
-        mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
+        elements = self.panes.opaque(surfaces.elements)
+        emitted, areas = (a[: len(elements)] for a in (luminous(surfaces.emitted), surfaces.areas))
+        mean = float(emitted @ areas) / float(areas.sum())
         cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
         cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
         nets = self.scene.patches.control_points
         if not self.trace:
-            return make_sources(surfaces.elements, nets, cell_eps), np.zeros(len(emitted))
-        facets, lifts = make_facets(
-            surfaces.elements, nets, self.blockers.closed, self.blockers.solid
-        )
+            sources = make_sources(elements, nets, cell_eps)
+            return sources, np.zeros(len(surfaces.elements))
+        facets, lifts = make_facets(elements, nets, self.blockers.closed, self.blockers.solid)
         bright = emitted > BRIGHT * mean
-        facets = with_sights(facets, surfaces.elements, self.blockers.solid, bright, budget.sights)
+        facets = with_sights(facets, elements, self.blockers.solid, bright, budget.sights)
         exact_above = np.full(len(emitted), budget.exact_above)
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
-        return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
+        sources = make_sources(elements, nets, cell_eps, scan)
+        return sources, self.panes.lifts(lifts, surfaces.elements)

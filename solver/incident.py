@@ -16,6 +16,7 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky, Sun
 from .outside_light import Horizon, OutsideLight
+from .pane_field import PaneField
 from .reciprocity import LampShares
 from .row_finder import Ask
 from .skies import ground_luminance, sun_luminance
@@ -75,6 +76,8 @@ class Incidence:
         The scene.
     blockers : Blockers
         Its patches as obstacles.
+    panes : PaneField
+        What is seen through.
     trace : bool
         Whether anything can hide anything.
     stages : Stages
@@ -82,9 +85,16 @@ class Incidence:
     """
 
     def __init__(
-        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+        self,
+        scene: SceneData,
+        blockers: Blockers,
+        panes: PaneField,
+        *,
+        trace: bool,
+        stages: Stages,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        self.panes = panes
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, trace=trace, stages=stages)
@@ -159,6 +169,9 @@ class Incidence:
         `form_factor_matrix` saw of them.
         """
         light = Light({}, *np.zeros((3, len(receivers.nodes))))
+        if self.panes.any and sees_out:
+            self._add_through_panes(light, receivers, budget, scanned)
+            return light
         scene, stages = self.scene, self.stages
         jobs: list[tuple[str, CIESky | float, float]] = []
         if scene.sky is not None:
@@ -220,3 +233,19 @@ class Incidence:
             trace=self.trace,
             progress=tell,
         )
+
+    def _add_through_panes(
+        self, light: Light, receivers: Receivers, budget: Budget, scanned: FloatArray | None
+    ) -> None:
+        """The same in a scene with panes."""
+        with self.stages.run("light through panes") as tell:
+            found = self.panes.daylight(receivers, budget, scanned, tell)
+        sky, sun = self.scene.sky, self.scene.sun
+        ccts = {"sky": sky and sky.cct_k, "sun": sun and sun.cct_k}
+        for name, lux in found.illuminance.items():
+            cct = ccts.get(name) or ccts["sky"] or 5500.0
+            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
+            light.direct[name] = lux[:, None] * color
+        light.variance += found.variance
+        light.outside += found.outside
+        light.outside_variance += found.outside_variance

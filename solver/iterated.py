@@ -184,6 +184,9 @@ def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
         spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
         worth += (spread + LEAST * level) * surfaces.areas * share
     worth[~unknowns.can_halve(surfaces.elements)] = 0.0
+    worth[len(field.sources.nets) :] = 0.0  # panes
+    if field.system.scattering is not None:
+        worth[field.system.scattering.share > 0.0] = 0.0  # known by whole elements
     order = np.argsort(-worth, kind="stable")
     order = order[worth[order] > 0.0]
     count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of

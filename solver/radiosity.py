@@ -20,6 +20,7 @@ from .krylov import solve_all
 from .memory import has_room
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .packed import PackedMatrix
+from .scattering import Scattering
 from .spectral import ABSORBED, check_radius, radius_bound
 
 #: Relative residual asked of GMRES at least, and for each unit of accuracy asked for: what is left
@@ -63,6 +64,8 @@ class RadiositySystem:
         Diffuse reflectance by band.
     accuracy : float
         Relative accuracy asked for.
+    scattering : Scattering, optional
+        What panels send on to their other side: ρ becomes ρ + S, and B holds it besides.
 
     Attributes
     ----------
@@ -80,12 +83,18 @@ class RadiositySystem:
     """
 
     def __init__(
-        self, factors: MatrixArray, reflectance: FloatArray, *, accuracy: float = 0.0
+        self,
+        factors: MatrixArray,
+        reflectance: FloatArray,
+        *,
+        accuracy: float = 0.0,
+        scattering: Scattering | None = None,
     ) -> None:
-        self.factors, self.reflectance = factors, reflectance
+        self.factors, self.reflectance, self.scattering = factors, reflectance, scattering
         self.tolerance = max(TOLERANCE, TOLERANCE_SHARE * accuracy)
         self.products = self.decomposed = 0
-        self.radius = check_absorbs(factors, reflectance)
+        kept = reflectance if scattering is None else reflectance + scattering.share[:, None]
+        self.radius = check_absorbs(factors, kept)
 
     @cached_property
     def _kinds(self) -> tuple[FloatArray, IntArray]:
@@ -109,6 +118,7 @@ class RadiositySystem:
         band = np.tile(np.arange(bands), len(names))
         flat, found = light.reshape(len(light), -1), out.reshape(len(light), -1)
         lit = np.asarray((self.reflectance[:, band] * flat).any(axis=0))
+        lit |= self._scattered(flat).any(axis=0)
         for columns in self._by_lu(flat, found, band, lit):
             lit[columns] = False
         rest = np.flatnonzero(lit)
@@ -117,22 +127,30 @@ class RadiositySystem:
             rho = self.reflectance[:, band[some]]
 
             def operate(b: FloatArray, columns: IntArray, rho: FloatArray = rho) -> FloatArray:
-                return np.asarray(b - rho[:, columns] * products(self.factors, b))
+                light = products(self.factors, b)
+                return np.asarray(b - rho[:, columns] * light - self._scattered(light))
 
             def name(column: int, some: IntArray = some) -> str:
                 return f"light group {names[int(some[column]) // bands]!r}"
 
-            solved = solve_all(operate, rho * flat[:, some], tolerance=self.tolerance, names=name)
+            source = rho * flat[:, some] + self._scattered(flat[:, some])
+            solved = solve_all(operate, source, tolerance=self.tolerance, names=name)
             found[:, some] = solved.values
             self.products += solved.products
         return {name: out[:, k] for k, name in enumerate(names)}
+
+    def _scattered(self, light: FloatArray, *, back: bool = False) -> FloatArray:
+        """What panels send on (n, k) of light (n, k) on them; ``back`` transposed."""
+        if self.scattering is None:
+            return np.zeros((1, light.shape[1]))
+        return self.scattering.sent(light, back=back)
 
     def _by_lu(
         self, light: FloatArray, found: FloatArray, band: IntArray, lit: NDArray[np.bool_]
     ) -> Iterator[IntArray]:
         """Solve the columns that are worth a decomposition; yields which were."""
         n = len(self.factors)
-        if isinstance(self.factors, PackedMatrix) or n > LU_UNKNOWNS:
+        if isinstance(self.factors, PackedMatrix) or n > LU_UNKNOWNS or self.scattering is not None:
             return
         kinds, kind_of = self._kinds
         for kind, rho in enumerate(kinds):
@@ -175,7 +193,8 @@ class RadiositySystem:
             def operate(
                 w: FloatArray, columns: IntArray, reflectance: FloatArray = reflectance
             ) -> FloatArray:
-                return np.asarray(w - transposed_products(self.factors, reflectance * w))
+                light = reflectance * w + self._scattered(w, back=True)
+                return np.asarray(w - transposed_products(self.factors, light))
 
             for start in range(0, len(rows), GMRES_SIDES):
                 some = np.asarray(rows[start : start + GMRES_SIDES], dtype=np.float64)
@@ -203,7 +222,9 @@ class RadiositySystem:
         """
         if len(rows) < direct.shape[1]:
             weights = self.importance(rows)
-            return np.einsum("snb,nb,nkb->skb", weights, self.reflectance, direct, optimize=True)
+            sent = self.reflectance[:, None] * direct
+            sent += self._scattered(direct.reshape(len(direct), -1)).reshape(-1, *direct.shape[1:])
+            return np.einsum("snb,nkb->skb", weights, sent, optimize=True)
         reflected = self.solve({str(k): direct[:, k] for k in range(direct.shape[1])})
         return products(rows, np.stack(list(reflected.values()), axis=1))
 
@@ -214,8 +235,11 @@ def solve_radiosity(
     direct: Mapping[str, FloatArray],
     *,
     accuracy: float = 0.0,
+    scattering: Scattering | None = None,
 ) -> tuple[dict[str, FloatArray], int]:
     """Reflected exitance of every light group, (I − ρ F) B = ρ E_direct.
+
+    With panels that scatter, ρ becomes ρ + S, and B holds what they scatter besides.
 
     Parameters
     ----------

@@ -83,6 +83,8 @@ def solve(
         raise InputError(f"visibility = {visibility!r}: auto or none")
     if len(scene.patches) == 0:
         raise GeometryError("the scene has no surfaces")
+    if scene.opaque_count == 0:
+        raise GeometryError("the scene has no surfaces but panes of glass")
     previous = None if threads is None else _set_threads(threads)
     try:
         return _Simulation(scene, accuracy, visibility, Stages(progress)).run()
@@ -113,6 +115,8 @@ class _Simulation:
     """One run; each method is a stage."""
 
     def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
+        if visibility == "none":
+            scene = scene.without_panes  # like all else, they keep nothing back
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.budget = Budget.of(scene, accuracy)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
@@ -124,7 +128,8 @@ class _Simulation:
     def run(self) -> Result:
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
-            blockers = make_blockers(scene.patches, scene.closed, scene.patches.part_index)
+            opaque = scene.without_panes
+            blockers = make_blockers(opaque.patches, opaque.closed, opaque.patches.part_index)
             tester = Containment(scene)
             stages.warnings.extend(check_placement(scene, tester))
         self._say_skipped(blockers)
@@ -249,18 +254,31 @@ class _Simulation:
             surfaces.material[of],
             np.where(surfaces.web, -1, surfaces.lamp)[of],
         )
+        balance = solver.panes.in_ledger(
+            balance,
+            surfaces,
+            field.system.factors,
+            surfaces.diffuse + finer.reflected,
+            finer.light.components,
+        )
         return solver.webs.in_ledger(balance, surfaces, self.budget.accuracy, field.sees_out)
 
     def _say_skipped(self, blockers: Blockers) -> None:
         scene, skipped = self.scene, self.stages.skipped
+        clear = scene.opaque_count < len(scene.patches)
         if self.visibility == "none":
             skipped["visibility"] = "switched off"
+        elif clear:
+            pass  # light from outside comes past the edges of panes
         elif is_single(blockers, blockers.hollow):
             skipped["visibility"] = "one convex cavity: nothing can hide anything"
         elif is_single(blockers, blockers.bulging) and not scene.sensors:
             skipped["visibility"] = "one convex body: nothing can hide anything"
         if scene.is_grey:
             skipped["colour"] = "every material is grey: one band"
+        if not clear:
+            off = self.visibility == "none"
+            skipped["glass"] = "switched off" if off else "nothing is seen through"
         if not scene.luminaires:
             skipped["electric light"] = "no luminaires"
         if scene.sky is None:

@@ -135,7 +135,8 @@ class WebField:
             "cell_eps": budget.lamp_cell_eps * self._coarser(lamp),
             "count": self.stages.count,
         }
-        if self.trace and fine:
+        # Panes dim the rows there are; what is traced anew knows nothing of them.
+        if self.trace and fine and not self.scene.see_through.any():
             return lamp.refined(
                 receivers,
                 lamp.traced(receivers, self.blockers, budget.divisions, **how),

@@ -11,11 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .kernels.panes import Panes
 from .model.arrays import FloatArray
 from .model.bezier import area_points
 from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
+from .panes import make_panes, shares_through
 from .raycast import RayCaster
 from .surfaces import Surfaces
 from .webs import WebLamp
@@ -40,7 +42,8 @@ def with_webs(
     """The ledger with the light that webs emit, and the part of it that meets nothing."""
     if not lamps:
         return balance
-    caster = RayCaster(scene.patches) if sees_out else None
+    caster = RayCaster(scene.without_panes.patches) if sees_out else None
+    panes = make_panes(scene) if scene.see_through.any() else None
     emitted = escaped = 0.0
     by_group = dict(balance.emitted_by_group)
     rays = max(_LEAST_RAYS, RAYS // len(lamps))
@@ -53,7 +56,7 @@ def with_webs(
         by_group[group] = by_group.get(group, 0.0) + flux
         emitted += flux
         if caster is not None:
-            escaped += flux * escaping_share(faces, lamp.towards, sent, scene, caster, rays)
+            escaped += flux * escaping_share(faces, lamp.towards, sent, scene, caster, rays, panes)
         tell(done + 1, len(lamps))
     return replace(
         balance,
@@ -105,6 +108,7 @@ def escaping_share(
     scene: SceneData,
     caster: RayCaster,
     rays: int = RAYS,
+    panes: Panes | None = None,
 ) -> float:
     """Share of the light that ``faces`` send ``towards`` directions (k, 3) that meets nothing."""
     if not sent.sum() > 0.0:
@@ -112,11 +116,16 @@ def escaping_share(
     origins, directions = emitted_rays(faces, towards, sent, rays)
     low, high = scene.patches.bounds()
     start = _START * float(np.linalg.norm(high - low))
-    missed = 0
+    missed = 0.0
     for first in range(0, rays, _BLOCK):
         rows = slice(first, first + _BLOCK)
         hits = caster.first_hit(origins[rows], directions[rows], t_min=start)
-        missed += int((hits.patch < 0).sum())
+        left = np.flatnonzero(hits.patch < 0)
+        if panes is None:
+            missed += len(left)
+        else:
+            o, d = origins[rows][left], directions[rows][left]
+            missed += float(shares_through(panes, o, d, t_min=start)[0].sum())
     return missed / rays
 
 

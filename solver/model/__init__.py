@@ -2,6 +2,7 @@
 
 from .cad import Certificate, Face, Model, Part
 from .elements import Elements
+from .glazing import Glass, Glazing
 from .optics import Air, Emitter, Material
 from .patches import PatchSet
 from .photometry import Photometry, Web
@@ -21,6 +22,8 @@ __all__ = [
     "Elements",
     "Emitter",
     "Face",
+    "Glass",
+    "Glazing",
     "Ground",
     "Luminaire",
     "Material",

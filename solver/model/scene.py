@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..errors import InputError
 from .arrays import FloatArray, IntArray, check_shape, frozen
 from .cad import Certificate
+from .glazing import Glazing
 from .optics import Material
 from .patches import PatchSet
 from .photometry import Web
@@ -123,6 +126,11 @@ class SceneData:
         Rows of ``luminaires`` for the + and − side; −1 where nothing is emitted.
     default_faces : (f,) bool array
         Faces that got the default material because nothing was assigned.
+    glazings : tuple of Glazing
+        Kinds of panes.
+    glass_index : (p,) int array
+        Rows of ``glazings``, −1 where the patch is no glass. Patches that something is seen
+        through come last.
     """
 
     patches: PatchSet
@@ -144,21 +152,52 @@ class SceneData:
     cameras: tuple[Camera, ...] = ()
     sources: tuple[Source, ...] = ()
     default_faces: IntArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    glazings: tuple[Glazing, ...] = ()
+    glass_index: IntArray = field(default=None)  # type: ignore[arg-type, assignment]
     title: str = "scene"
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.patches)
+        if self.glass_index is None:
+            object.__setattr__(self, "glass_index", np.full(n, -1))
         for name, dtype, shape in (
             ("two_sided", np.bool_, (n,)),
             ("closed", np.bool_, (n,)),
             ("material_index", np.int64, (n, 2)),
             ("luminaire_index", np.int64, (n, 2)),
             ("default_faces", np.bool_, (None,)),
+            ("glass_index", np.int64, (n,)),
         ):
             array = frozen(getattr(self, name), dtype)
             check_shape(f"SceneData.{name}", array, shape)
             object.__setattr__(self, name, array)
+        if self.see_through[: self.opaque_count].any():
+            raise InputError("SceneData: patches that something is seen through must come last")
+
+    @property
+    def see_through(self) -> NDArray[np.bool_]:
+        """Patches (p,) of glass that lets some light straight through."""
+        clear = np.array([g.glass.diffuse < 1.0 for g in self.glazings] + [False])
+        return np.asarray(clear[self.glass_index])
+
+    @property
+    def opaque_count(self) -> int:
+        """Number of patches that nothing is seen through: the first of all."""
+        return len(self.patches) - int(self.see_through.sum())
+
+    @property
+    def without_panes(self) -> SceneData:
+        """The same without patches that something is seen through; itself if there are none."""
+        count = self.opaque_count
+        if count == len(self.patches):
+            return self
+        names = ("two_sided", "closed", "material_index", "luminaire_index", "glass_index")
+        return replace(
+            self,
+            patches=self.patches.take(np.arange(count)),
+            **{name: getattr(self, name)[:count] for name in names},
+        )
 
     @property
     def is_grey(self) -> bool:

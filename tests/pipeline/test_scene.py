@@ -386,6 +386,6 @@ def test_remarks_on_glass_light_and_sensors_below(make_model):
     scene = Scene(model)
     scene.add(SensorGrid([[0, 0, -3]], (0, 0, 1), name="cellar"))
     notes = " | ".join(scene.freeze().notes)
-    assert "opaque here" in notes and "m/window glass" in notes
+    assert "named like glass, but opaque" in notes and "m/window glass" in notes
     assert "no light" in notes
     assert "cellar: 1 of 1 are below" in notes

@@ -268,7 +268,6 @@ def test_misspelled_grids_of_requirements_get_a_hint(folder):
         "daylight_factor = true",
         "[[state]]\nname = 'open'",
         "[sky]\nmodel = 'perez'",
-        "[[assign]]\nparts = 'desk'\nglass = { n = 1.5 }",
         "[[assign]]\nparts = 'desk'\nmaterial = { mirror = 0.5 }",
         "[[assign]]\nparts = 'desk'\nemitter = { flux_lm = 1, profile = 'a.txt' }",
         "[[sensors]]\nname = 'a'\nz_m = 1\nquantity = 'cylindrical'",

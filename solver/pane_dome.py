@@ -1,0 +1,265 @@
+"""Light of sky, ground and sun on receivers of a scene with panes.
+
+What comes through panes is integrated over them (`kernels.glazed_dome`); what passes none of them
+is that of the dome with the panes taken for walls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .budget import Budget
+from .dome import LEVELS, ROWS_PER_BLOCK, DomeLight, dome_cells, gather, sun_cells
+from .kernels.glazed_dome import (
+    COLUMNS,
+    GROUND,
+    GROUND_FACTOR,
+    GROUND_VARIANCE,
+    SKY,
+    SKY_FACTOR,
+    SKY_PLAIN,
+    SKY_VARIANCE,
+    glazed_rows,
+)
+from .kernels.panes import Panes
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray
+from .model.bezier import bernstein
+from .model.scene import SceneData
+from .model.sky import CIESky, Sun
+from .panes import shares_through
+from .skies import ground_luminance, sky_tone, sun_luminance
+from .surfaces import Receivers
+from .topology import PLANAR, writable
+
+#: Change of what panes let through that does not matter, as a form factor, against that below which
+#: partly hidden cells of the sky are sampled.
+TOLERANCE = 0.25
+#: How often a pane is quartered at most.
+QUARTERINGS = 7
+#: Standard deviations by which what passes no pane must be seen to count.
+CERTAIN = 3.0
+#: Points of the sun's disc, a direction of each quarter, at which the share let through is taken.
+DISC_POINTS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Daylight:
+    """Light from outside on m receivers, with no colour.
+
+    Attributes
+    ----------
+    illuminance : dict of (m,) arrays
+        By ``"sky"``, ``"sun"``, ``"ground"``. [lx]
+    variance : (m,) array
+        Of what was sampled. [lx²]
+    outside, outside_variance : (m,) array
+        Form factor of sky and ground with nothing in place of the panes, and its variance.
+    """
+
+    illuminance: dict[str, FloatArray]
+    variance: FloatArray
+    outside: FloatArray
+    outside_variance: FloatArray
+
+
+class PaneDome:
+    """Light from outside in one scene with panes.
+
+    Parameters
+    ----------
+    scene : SceneData
+        With see-through patches.
+    panes : Panes
+        These.
+    blockers, walls : Blockers
+        What hides light, without and with the panes.
+    trace : bool
+        Whether the blockers hide anything.
+    """
+
+    def __init__(
+        self, scene: SceneData, panes: Panes, blockers: Blockers, walls: Blockers, *, trace: bool
+    ) -> None:
+        self.scene, self.panes, self.trace = scene, panes, trace
+        self.blockers, self.walls = blockers, walls
+        low, high = scene.patches.bounds()
+        self.lift = 1e-9 * float(np.linalg.norm(high - low))
+        first = scene.opaque_count
+        self._flat = writable(walls.flags[first:] & PLANAR != 0, np.bool_)
+        nets = walls.nets[first:]
+        points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
+        over = np.einsum(
+            "pk,pqik->pqi", walls.cones[first:, :3], points[None] - points[:, None, :1]
+        )
+        self._ranges = np.stack([over.min(axis=2), over.max(axis=2)], axis=2)
+
+    def light(
+        self,
+        receivers: Receivers,
+        budget: Budget,
+        scanned: FloatArray | None,
+        tell: Callable[[int, int], None],
+    ) -> Daylight:
+        """Light of all there is outside.
+
+        Parameters
+        ----------
+        receivers : Receivers
+            m receivers.
+        scanned : (m, 5) array, optional
+            What meridians saw of sky and ground without panes; else what passes no pane is traced
+            by pyramids.
+        """
+        scene, m = self.scene, len(receivers.nodes)
+        found: dict[str, FloatArray] = {}
+        variance, outside, spread = np.zeros((3, m))
+        cell_eps = budget.sensor_dome_cell_eps if scanned is None else budget.cell_eps
+        level = ground_luminance(scene.ground, scene.sky, scene.sun)
+        if scene.sky is not None or level > 0.0:
+            through = self._through(receivers, budget.eps, cell_eps, tell)
+            for name, luminance, low, high in (
+                ("sky", scene.sky, 0.0, 90.0),
+                ("ground", level or None, -90.0, 0.0),
+            ):
+                if luminance is None:
+                    continue
+                clear = self._clear(receivers, budget, luminance, (low, high), scanned, through)
+                sky = name == "sky"
+                scale = np.pi if sky else np.pi * level
+                own = through[:, SKY if sky else GROUND]
+                found[name] = clear.illuminance + scale * own
+                variance += clear.deviation**2
+                variance += scale**2 * through[:, SKY_VARIANCE if sky else GROUND_VARIANCE]
+                outside += clear.factor + through[:, SKY_FACTOR if sky else GROUND_FACTOR]
+                spread += clear.factor_variance
+        if scene.sun is not None:
+            sun, own = self._sun(receivers, budget, scene.sun)
+            found["sun"] = sun
+            variance += own
+        order = [name for name in ("sky", "sun", "ground") if name in found]
+        return Daylight({name: found[name] for name in order}, variance, outside, spread)
+
+    def _through(
+        self, receivers: Receivers, eps: float, cell_eps: float, tell: Callable[[int, int], None]
+    ) -> FloatArray:
+        """What comes through panes (m, COLUMNS); see `kernels.glazed_dome`."""
+        sky = self.scene.sky
+        tone = sky_tone(CIESky(5, zenith_luminance_cd_m2=1.0) if sky is None else sky)
+        out = np.zeros((len(receivers.nodes), COLUMNS))
+        for start in range(0, len(out), ROWS_PER_BLOCK):
+            rows = slice(start, min(start + ROWS_PER_BLOCK, len(out)))
+            glazed_rows(
+                writable(receivers.nodes[rows]),
+                writable(receivers.normals[rows]),
+                writable(receivers.weights[rows]),
+                self.panes,
+                self.scene.opaque_count,
+                self._ranges,
+                self._flat,
+                tone,
+                self.walls,
+                eps,
+                cell_eps,
+                TOLERANCE * cell_eps,
+                LEVELS,
+                QUARTERINGS,
+                self.lift,
+                out[rows],
+            )
+            tell(rows.stop, len(out))
+        return out
+
+    def _clear(
+        self,
+        receivers: Receivers,
+        budget: Budget,
+        luminance: CIESky | float,
+        altitudes: tuple[float, float],
+        scanned: FloatArray | None,
+        through: FloatArray,
+    ) -> DomeLight:
+        """Light of sky or ground that passes no pane."""
+        if scanned is None:
+            found = gather(
+                receivers.nodes,
+                receivers.normals,
+                receivers.weights,
+                dome_cells(*altitudes),
+                luminance,
+                self.walls,
+                eps=budget.eps,
+                cell_eps=budget.sensor_dome_cell_eps,
+            )
+            # Panes fill their openings: of the cells along the edges no point is ever seen.
+            some = found.illuminance > 0.0
+            return replace(
+                found,
+                deviation=np.where(some, found.deviation, 0.0),
+                factor_variance=np.where(some, found.factor_variance, 0.0),
+            )
+        sky = isinstance(luminance, CIESky)
+        column, spread, plain = (0, 3, SKY_PLAIN) if sky else (2, 4, GROUND_FACTOR)
+        scale = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)
+        # Seen by meridians, less what of it lies behind panes: where that is all within what the
+        # meridians may be wrong by, nothing else is seen.
+        seen, variance = scanned[:, column], scanned[:, spread]
+        rest = seen - through[:, plain]
+        sure = rest > CERTAIN * np.sqrt(variance) + 1e-3 * seen
+        rest = np.where(sure, rest, 0.0)
+        factor = np.where(sure, scanned[:, 1] - through[:, SKY_FACTOR] if sky else rest, 0.0)
+        return DomeLight(
+            scale * rest,
+            scale * np.sqrt(np.where(sure, variance, 0.0)),
+            factor,
+            np.where(sure, variance, 0.0),
+            {},
+        )
+
+    def _sun(self, receivers: Receivers, budget: Budget, sun: Sun) -> tuple[FloatArray, FloatArray]:
+        """Illuminance (m,) of the sun [lx], and the variance of what was sampled.
+
+        The share of the disc that panes cover is that which walls in their place would hide.
+        """
+        m, q = receivers.weights.shape
+        cells = sun_cells(sun)
+        disc = np.sin(np.radians(sun.angular_radius_arcmin / 60.0)) ** 2
+        how: dict[str, Any] = {"eps": budget.eps, "cell_eps": budget.sun_cell_eps * disc}
+        # Each node by itself: what it gets through panes depends on where it is.
+        lit = (receivers.weights > 0.0).astype(float).reshape(-1, 1)
+        nodes, normals = (a.reshape(-1, 1, 3) for a in (receivers.nodes, receivers.normals))
+        level = sun_luminance(sun)
+        plain = gather(nodes, normals, lit, cells, level, self.blockers, trace=self.trace, **how)
+        clear = gather(nodes, normals, lit, cells, level, self.walls, **how)
+        behind = np.maximum(plain.illuminance - clear.illuminance, 0.0)
+        rows = np.flatnonzero(behind > 0.0)
+        share = np.zeros(m * q)
+        share[rows] = self._disc_share(nodes[rows, 0], cells)
+        light = np.minimum(clear.illuminance, plain.illuminance) + share * behind
+        variance = np.maximum(plain.deviation, clear.deviation) ** 2
+        weights = receivers.weights
+        return (
+            np.asarray((weights * light.reshape(m, q)).sum(axis=1)),
+            np.asarray((weights**2 * variance.reshape(m, q)).sum(axis=1)),
+        )
+
+    def _disc_share(self, points: FloatArray, cells: FloatArray) -> FloatArray:
+        """Mean share (m,) that panes leave of the sun's disc where they cover it."""
+        t = (np.arange(DISC_POINTS) + 0.5) / DISC_POINTS
+        # u runs from the rim to the centre: parts of equal area.
+        u, v = (g.ravel() for g in np.meshgrid(1.0 - np.sqrt(t), t, indexing="ij"))
+        d = np.einsum("si,sj,cijk->csk", bernstein(u), bernstein(v), cells[..., :3]).reshape(-1, 3)
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        total, met = np.zeros((2, len(points)))
+        for direction in d:
+            share, first = shares_through(
+                self.panes, points, np.broadcast_to(direction, points.shape), t_min=self.lift
+            )
+            total += np.where(first >= 0, share, 0.0)
+            met += first >= 0
+        # A sliver that no point lies in: as if there were no pane.
+        return np.asarray(np.where(met > 0.0, total / np.maximum(met, 1.0), 1.0))

@@ -1,0 +1,152 @@
+"""Panes in a solve: the few places where clear glass differs from everything else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from .budget import Budget
+from .exchange import Rows
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray, MatrixArray
+from .model.elements import Elements
+from .model.result import Balance
+from .model.scene import SceneData
+from .pane_dome import Daylight, PaneDome
+from .pane_ledger import Passing, passing_flux, with_passing
+from .pane_rows import PaneRows
+from .panes import make_panes, make_tree
+from .row_finder import Ask
+from .scattering import Scattering
+from .stages import Stages
+from .surfaces import Receivers, Surfaces
+from .unknowns import Unknowns
+
+#: Groups of light from outside.
+DAYLIGHT = ("sky", "sun", "ground")
+
+
+class PaneField:
+    """The panes of one scene; without any, nothing is done and nothing is changed.
+
+    Elements of panes come last. They hide nothing: form factors are found between the others, and
+    to panes apart from that.
+
+    Parameters
+    ----------
+    scene : SceneData
+        The scene.
+    blockers : Blockers
+        Its patches that are no panes.
+    trace : bool
+        Whether anything can hide anything.
+    stages : Stages
+        Receives counters.
+    """
+
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.count = scene, scene.opaque_count
+        self.any = self.count < len(scene.patches)
+        if not self.any:
+            return
+        self.panes = make_panes(scene)
+        tree = make_tree(scene.without_panes.patches)
+        self.rows = PaneRows(scene, self.panes, tree, trace=trace, stages=stages)
+        self.dome = PaneDome(scene, self.panes, blockers, self.rows.walls, trace=trace)
+
+    def opaque(self, elements: Elements) -> Elements:
+        """The elements that are none of panes, the first of all."""
+        if not self.any:
+            return elements
+        return elements.take(np.flatnonzero(elements.patch_index < self.count))
+
+    def in_the_open(self, unknowns: Unknowns, elements: Elements) -> Unknowns:
+        """Unknowns of which those of panes lie on nothing."""
+        if not self.any:
+            return unknowns
+        clear, receivers = elements.patch_index >= self.count, unknowns.receivers
+        own, patches = (np.where(clear, -1, a) for a in (receivers.own, receivers.patches))
+        return replace(unknowns, receivers=replace(receivers, own=own, patches=patches))
+
+    def lifts(self, lifts: FloatArray, elements: Elements) -> FloatArray:
+        """Lifts (n,) of all elements from those that are none of panes."""
+        return np.concatenate([lifts, np.zeros(len(elements) - len(lifts))])
+
+    def complete(
+        self, rows: Rows, asked: Ask, elements: Elements, areas: FloatArray, *, mesh: bool = False
+    ) -> Rows:
+        """Closed rows with what panes keep back and what they send; see `PaneRows.complete`."""
+        if not self.any:
+            return rows
+        return self.rows.complete(rows, asked, elements, areas, mesh=mesh)
+
+    def daylight(
+        self,
+        receivers: Receivers,
+        budget: Budget,
+        scanned: FloatArray | None,
+        tell: Callable[[int, int], None],
+    ) -> Daylight:
+        """Light from outside; see `PaneDome.light`."""
+        return self.dome.light(receivers, budget, scanned, tell)
+
+    def scattering(self, surfaces: Surfaces) -> Scattering | None:
+        """What diffusing panels send on to their other side; None where there are none."""
+        if all(glazing.glass.diffuse == 0.0 for glazing in self.scene.glazings):
+            return None
+        return Scattering(self.scene, surfaces.elements, surfaces.areas)
+
+    def in_ledger(
+        self,
+        balance: Balance,
+        surfaces: Surfaces,
+        factors: MatrixArray,
+        exitance: FloatArray,
+        components: Mapping[str, FloatArray],
+    ) -> Balance:
+        """The flux ledger with what passes panes and what panels scatter.
+
+        Parameters
+        ----------
+        factors : (n, n) array
+            Form factors.
+        exitance : (n, b) array
+            What the elements send alike in all directions. [lm/m²]
+        components : dict of (n, b) arrays
+            Light on the elements, as `field.Gathered`. [lx]
+        """
+        scattering = self.scattering(surfaces)
+        if not self.any and scattering is None:
+            return balance
+        flux = np.zeros(len(surfaces.areas))
+        if scattering is not None:
+            light = sum(components.values(), np.zeros_like(surfaces.emitted))
+            flux += scattering.share * passing_flux(surfaces.areas, light)
+        entered = escaped = 0.0
+        if self.any:
+            passing = Passing(self.scene, self.panes, surfaces.elements)
+            rows, areas = passing.rows, surfaces.areas[passing.rows]
+            direct = {
+                name.rsplit(".", 1)[0]: values
+                for name, values in components.items()
+                if name.endswith(".direct")
+            }
+            outside = {name: direct[name] for name in DAYLIGHT if name in direct}
+            lamps = sum(
+                (values[rows] for name, values in direct.items() if name not in outside),
+                np.zeros((len(rows), exitance.shape[1])),
+            )
+            webs = lamps - np.asarray(factors[rows] @ surfaces.diffuse)
+            kept = passing_flux(areas, passing.of_surfaces(factors, exitance))
+            flux[rows] += kept + passing_flux(areas, passing.of_web_lamps(np.maximum(webs, 0.0)))
+            escaped = float(kept.sum())
+            if outside:
+                come = passing_flux(areas, passing.of_daylight(outside))
+                flux[rows] += come
+                entered = float(come.sum())
+        names = [m.name or f"material {k + 1}" for k, m in enumerate(self.scene.materials)]
+        return with_passing(balance, names, surfaces.material, flux, entered, escaped)
