@@ -85,7 +85,7 @@ class Renderer:
         self._lamp_of = np.concatenate([scene.luminaire_index, [[-1, -1]]])
         self._caster = RayCaster(scene.patches) if caster is None else caster
         means = np.concatenate([reflected, irradiance[:, None]], axis=1)
-        start, order = _elements_by_side(elements, len(scene.patches))
+        start, order = elements_by_side(elements, len(scene.patches))
         self._shading = (
             scene.patches.control_points,
             start,
@@ -195,7 +195,7 @@ def render(
     return renderer.render(camera)
 
 
-def _elements_by_side(elements: Elements, patches: int) -> tuple[IntArray, IntArray]:
+def elements_by_side(elements: Elements, patches: int) -> tuple[IntArray, IntArray]:
     """Elements of patch side 2 p + side as CSR: (start (2 p + 1,), order (n,))."""
     key = 2 * elements.patch_index + elements.side
     order = np.argsort(key, kind="stable")

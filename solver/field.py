@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from .budget import Budget
-from .dome import dome_cells, gather, sun_cells
+from .dome import gather
+from .dome_jobs import dome_jobs
 from .exchange import Rows, Scan, make_sources
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .mesher import Mesher
+from .mirror_light import MirrorLight
 from .model.arrays import FloatArray, MatrixArray
 from .model.result import luminous
 from .model.scene import SceneData
@@ -20,8 +22,6 @@ from .model.views import Sensors
 from .radiosity import solve_radiosity
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
-from .skies import ground_luminance, sun_luminance
-from .spectra import cct_to_rgb
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
@@ -140,6 +140,7 @@ class FieldSolver:
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, trace=trace, stages=stages)
+        self.mirrors = MirrorLight(scene, blockers, self.bands, stages)
 
     def solve(self, budget: Budget, *, name: str | None = None) -> Field:
         """Solve on the mesh of ``budget``; one stage of that ``name``, or several of their own."""
@@ -158,6 +159,7 @@ class FieldSolver:
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
         self._add_lamps(light, rows, surfaces)
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, stage=name)
+        self.mirrors.add(light, rows, surfaces, asked, sees_out, stage=name)
         with self.stages.run(name or "radiosity"):
             reflected, products = solve_radiosity(
                 rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
@@ -189,12 +191,16 @@ class FieldSolver:
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
         self._add_lamps(light, rows, field.surfaces)
         light.variance += self.webs.add(light.direct, rows, field.surfaces, asked, fine=True)
+        self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out, fine=True)
         return self._gathered(light, rows, field.surfaces, field.reflected)
 
     def gather_indirect(self, grid: Sensors, budget: Budget, field: Field) -> FloatArray:
         """Indirect illuminance (m,) alone, for comparing meshes. [lx]"""
         with self.stages.run("mesh check") as tell:
-            rows = self._factors.rows(Ask(budget, Receivers.of_sensors(grid), field.sources), tell)
+            asked = Ask(budget, Receivers.of_sensors(grid), field.sources)
+            rows = self._factors.rows(asked, tell)
+            if self.mirrors.any:
+                self.mirrors.reflect(rows, field.surfaces, asked, fine=True)
         return luminous(rows.gather(field.all_reflected))
 
     def _gathered(
@@ -270,24 +276,11 @@ class FieldSolver:
         `form_factor_matrix` saw of them.
         """
         scene, stages, trace = self.scene, self.stages, self.trace
-        eps = budget.sensor_dome_cell_eps
-        jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
-        if scene.sky is not None:
-            jobs.append(("sky", dome_cells(0.0, 90.0), scene.sky, eps, scene.sky.cct_k))
-        if scene.sun is not None:
-            level, cells = sun_luminance(scene.sun), sun_cells(scene.sun)
-            disc = np.sin(np.radians(scene.sun.angular_radius_arcmin / 60.0)) ** 2
-            jobs.append(("sun", cells, level, budget.sun_cell_eps * disc, scene.sun.cct_k))
-        level = ground_luminance(scene.ground, scene.sky, scene.sun)
-        if level > 0.0:
-            cct = scene.sky.cct_k if scene.sky is not None else 5500.0
-            jobs.append(("ground", dome_cells(-90.0, 0.0), level, eps, cct))
-        for name, cells, luminance, cell_eps, cct in jobs:
+        for name, cells, luminance, cell_eps, color in dome_jobs(scene, budget, self.bands):
             if not sees_out and self.stages.skipped.get("visibility") != "switched off":
                 stages.skipped[name] = "nothing sees out of the scene"
                 light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
                 continue
-            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
             if scanned is not None and name != "sun":
                 column, spread = (0, 3) if name == "sky" else (2, 4)
                 brightness = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)

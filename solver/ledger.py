@@ -35,11 +35,13 @@ def make_balance(
     entered: FloatArray,
     material: IntArray,
     lamp: IntArray,
+    mirrored: FloatArray,
 ) -> Balance:
     """Add up fluxes over the elements.
 
     What leaves an element and meets no other one has escaped: 1 − Σ_j F_ij of it. The residual is
-    then Σ_ij (A_j F_ji − A_i F_ij) B_j, the failure of reciprocity of the form factors.
+    then Σ_ij (A_j F_ji − A_i F_ij) B_j, the failure of reciprocity of the form factors. What
+    mirrors send on counts where it comes to, by way of mirrors, and not at the mirrors.
 
     Parameters
     ----------
@@ -51,8 +53,11 @@ def make_balance(
         By band; ``entered`` is the irradiance from sky, sun and ground.
     material, lamp : (n,) int array
         Material and luminaire of each element.
+    mirrored : (n,) array
+        Share of the light that each element mirrors.
     """
-    absorbed = luminous((1.0 - reflectance) * irradiance) * areas
+    kept = 1.0 - mirrored
+    absorbed = luminous((kept[:, None] - reflectance) * irradiance) * areas
     leaving = luminous(emitted + reflected) * areas
     names = [m.name or f"material {k + 1}" for k, m in enumerate(scene.materials)]
     by_material: dict[str, float] = {}
@@ -67,9 +72,9 @@ def make_balance(
         by_group[group] = by_group.get(group, 0.0) + float(source[lamp == row].sum())
     return Balance(
         emitted_lm=float(source.sum()),
-        entered_lm=float((luminous(entered) * areas).sum()),
+        entered_lm=float((luminous(entered) * areas) @ kept),
         absorbed_lm=float(absorbed.sum()),
-        escaped_lm=float(leaving @ (1.0 - products(factors, np.ones(len(areas))))),
+        escaped_lm=float(leaving @ (1.0 - products(factors, kept))),
         absorbed_by_material=by_material,
         emitted_by_group=by_group,
     )

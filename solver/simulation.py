@@ -258,6 +258,7 @@ class _Simulation:
             np.asarray(sum(entered, nothing)),
             surfaces.material,
             np.where(surfaces.web, -1, surfaces.lamp),
+            solver.mirrors.share_of(surfaces),
         )
         return solver.webs.in_ledger(balance, surfaces, self.budget.accuracy, field.sees_out)
 

@@ -1,0 +1,239 @@
+"""What receivers see in mirrors, by rays to even places on the mirrors and on from there.
+
+A mirror element gives a receiver the form factor F of the element times what is seen in it. F is
+known; where its light comes from is told by rays to strata of the element, each with its share of
+F. They go on from mirror to mirror until they end, and leave their share where they do.
+"""
+
+import math
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from .bvh import STACK
+from .compiled import lean, parallel
+from .paths import LEAST_SHARE, MOST_MIRRORS, Walk, element_at, frame_at, mirrored, next_hit
+from .ray_patch import WORK
+from .sky_luminance import sky_luminance
+
+#: Most strata a direction on one mirror element seen from one node.
+_MOST = 48
+#: Variance of a share by stratified rays against that by independent ones.
+_EVEN = 0.5
+#: Columns of what is seen beyond the scene: sky and ground in one imaged mirror alone, then others.
+SKY_IMAGED, SKY, GROUND_IMAGED, GROUND = range(4)
+
+
+class Seen(NamedTuple):
+    """What mirrors are looked at for.
+
+    Attributes
+    ----------
+    element : (k,) int array
+        Elements that are mirrors.
+    row : (k,) int array
+        Patch side of each.
+    imaged : (2p,) bool array
+        Sides in which lamps, sky and sun are found by images.
+    lamp : (n,) int array
+        Column of each element that is a lamp, −1 for others.
+    tone : (10,) array, or (0,)
+        Luminance of the sky, as in `pyramid.visible_factor`.
+    """
+
+    element: np.ndarray
+    row: np.ndarray
+    imaged: np.ndarray
+    lamp: np.ndarray
+    tone: np.ndarray
+
+
+@lean
+def _scrambled(seed):
+    return (seed * 1103515245 + 12345) & 0x7FFFFFFF
+
+
+@lean
+def _to_mirror(x, n, net, box, side, i, j, strata, seed, near, tree, walk, row, ray):
+    """Share of a stratum, with the mirrored ray from it into ``ray``; 0 where it is not seen."""
+    seed = _scrambled(seed)
+    u = box[0] + (box[1] - box[0]) * (i + (seed >> 8) / 8388608.0) / strata
+    seed = _scrambled(seed)
+    v = box[2] + (box[3] - box[2]) * (j + (seed >> 8) / 8388608.0) / strata
+    area = frame_at(net, u, v, walk.place)
+    sign = -1.0 if side == 1 else 1.0
+    r2 = here = there = 0.0
+    for k in range(3):
+        d = walk.place[k] - x[k]
+        walk.ray[k] = x[k]
+        walk.ray[3 + k] = d
+        r2 += d * d
+        here += d * n[k]
+        there -= d * sign * walk.place[3 + k]
+    if here <= 0.0 or there <= 0.0 or r2 == 0.0:
+        return 0.0
+    r = math.sqrt(r2)
+    for k in range(3):
+        walk.ray[3 + k] /= r
+    hit, _, _ = next_hit(tree, walk, near)
+    if hit != row:
+        return 0.0
+    off = 0.0
+    for k in range(3):
+        off = max(off, abs(walk.place[k] - x[k] - r * walk.ray[3 + k]))
+    if off > 1e-6 * r + near:
+        return 0.0  # another part of the same side
+    mirrored(walk.ray, walk.place)
+    for k in range(6):
+        ray[k] = walk.ray[k]
+    return here * there * area / (r2 * r2)
+
+
+@lean
+def _leave(e, share, emits, found, touched, count):
+    """Leave ``share`` on element ``e``; ``found`` (n, 2) holds all of it, and the lamps' part."""
+    if found[e, 0] == 0.0 and share > 0.0:
+        touched[count] = e
+        count += 1
+    found[e, 0] += share
+    if emits:
+        found[e, 1] += share
+    return count
+
+
+@lean
+def _follow(ray, share, row, seen, tree, sides, near, walk, found, touched, count, away):
+    """Follow one ray that a mirror has turned; returns the count of touched, and what is lost.
+
+    ``away`` (4,) receives the luminance of the sky, or 1 for the ground, times the share.
+    """
+    for k in range(6):
+        walk.ray[k] = ray[k]
+    start = share
+    imaged = seen.imaged[row]
+    for turn in range(MOST_MIRRORS):
+        by_image = imaged and turn == 0
+        hit, u, v = next_hit(tree, walk, near)
+        if hit < 0:
+            x, y, z = walk.ray[3], walk.ray[4], walk.ray[5]
+            if z <= 0.0:
+                away[GROUND_IMAGED if by_image else GROUND] += share
+            elif seen.tone.size:
+                tone = seen.tone
+                level = sky_luminance(tone, tone[7], tone[8], tone[9], x, y, z)
+                away[SKY_IMAGED if by_image else SKY] += share * level
+            return count, 0.0
+        e = element_at(sides, hit, u, v)
+        if e < 0:
+            return count, share  # a side that no light was computed for
+        count = _leave(e, share, not by_image, found, touched, count)
+        share *= sides.mirror[hit]
+        if share <= LEAST_SHARE * start:
+            return count, share
+        mirrored(walk.ray, walk.place)
+    return count, share
+
+
+@parallel
+def mirror_rows(
+    nodes, normals, weights, factors, seen, tree, sides, rays, near, rows, variances, lamps, away,
+    lost,
+):  # fmt: skip
+    """Add what mirrors show to rows of form factors.
+
+    Parameters
+    ----------
+    nodes, normals : (m, q, 3) array
+        Receiver nodes [m] and unit normals.
+    weights : (m, q) array
+        Share of each node.
+    factors : (m, k) array
+        Form factors of the mirror elements.
+    seen, tree, sides
+        `Seen`, `paths.Tree` and `paths.Sides`.
+    rays : float
+        Rays for a form factor of 1.
+    near : float
+        Distance within which rays do not hit what they start on. [m]
+    rows, variances : (m, n) array
+        Added to: form factors of elements by way of mirrors, and their variances.
+    lamps : (m, 2, l) array
+        Receives the form factors of lamps that no image finds, and their variances.
+    away : (m, 2, 4) array
+        Receives luminance x form factor of the sky, and form factors of the ground, seen in
+        mirrors, and their variances.
+    lost : (m, 2) array
+        Receives the form factor of what was followed no further, and the number of rays.
+    """
+    n = rows.shape[1]
+    for i in nb.prange(nodes.shape[0]):
+        walk = Walk(np.empty(6), np.empty(6), np.empty(STACK, dtype=np.int64), np.empty(WORK))
+        found, touched = np.zeros((n, 2)), np.empty(n + 1, dtype=np.int64)
+        # Not a constant: the size grows to what is needed.
+        kept = np.empty((64, 7))
+        one, before = np.zeros(4), np.zeros(4)
+        squares = np.zeros(4)
+        for c in range(seen.element.shape[0]):
+            form = factors[i, c]
+            row = seen.row[c]
+            mirror = sides.mirror[row]
+            if form <= 0.0 or mirror <= 0.0:
+                continue
+            e, side = seen.element[c], row % 2
+            net, box = tree.nets[row // 2], sides.boxes[e]
+            count = row * 0  # not a literal, which would compile the callees once more
+            total = 0.0
+            for q in range(nodes.shape[1]):
+                if weights[i, q] == 0.0:
+                    continue
+                wanted = math.sqrt(rays * form * weights[i, q])
+                strata = min(max(int(math.ceil(wanted)), 2), _MOST)
+                if count + strata * strata > kept.shape[0]:
+                    larger = np.empty((2 * (count + strata * strata), 7))
+                    larger[:count] = kept[:count]
+                    kept = larger
+                seed = _scrambled(_scrambled(i * 7919 + c * 104729 + q * 31))
+                for a in range(strata):
+                    for b in range(strata):
+                        seed = _scrambled(seed)
+                        share = _to_mirror(
+                            nodes[i, q], normals[i, q], net, box, side, a, b, strata, seed, near,
+                            tree, walk, row, kept[count],
+                        )  # fmt: skip
+                        lost[i, 1] += 1.0
+                        if share > 0.0:
+                            kept[count, 6] = share * weights[i, q] / (strata * strata)
+                            total += kept[count, 6]
+                            count += 1
+            if total == 0.0:
+                lost[i, 0] += form * mirror
+                continue
+            scale = form * mirror / total
+            top = row * 0
+            for k in range(4):
+                one[k] = squares[k] = 0.0
+            for s in range(count):
+                for k in range(4):
+                    before[k] = one[k]
+                top, left = _follow(
+                    kept[s, :6], scale * kept[s, 6], row, seen, tree, sides, near, walk, found,
+                    touched, top, one,
+                )  # fmt: skip
+                lost[i, 0] += left
+                for k in range(4):
+                    squares[k] += (one[k] - before[k]) ** 2
+            whole = form * mirror
+            for t in range(top):
+                j = touched[t]
+                share, own = found[j, 0], found[j, 1]
+                rows[i, j] += share
+                spread = max(share * (whole - share), 0.0)
+                variances[i, j] += _EVEN * spread / count
+                if own > 0.0 and seen.lamp[j] >= 0:
+                    lamps[i, 0, seen.lamp[j]] += own
+                    lamps[i, 1, seen.lamp[j]] += _EVEN * max(own * (whole - own), 0.0) / count
+                found[j, 0] = found[j, 1] = 0.0
+            for k in range(4):
+                away[i, 0, k] += one[k]
+                away[i, 1, k] += _EVEN * max(squares[k] - one[k] ** 2 / count, 0.0)

@@ -1,0 +1,302 @@
+"""Light that mirrors send on to surfaces and sensors.
+
+Of what a mirror element sends to a receiver, the part it scatters is in its exitance like that of
+any other element. What it mirrors is added to the receiver's row: the form factor of the mirror,
+spread over what is seen in it. Lamps, the sun and, at sensors, sky and ground that are seen in one
+flat mirror come by images (`images.py`), all else by rays over any number of mirrors of any shape
+(`kernels/mirrors.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .camera import elements_by_side
+from .dome import gather
+from .exchange import Rows, form_factor_matrix, make_sources
+from .images import TOUCH, Pieces, Plane, Window, pieces_before, windows
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray, IntArray, frozen
+from .model.scene import SceneData
+from .model.sky import CIESky
+from .raycast import RayCaster
+from .row_finder import FINE_SHARE, Ask
+from .stages import Stages
+from .surfaces import Receivers, Surfaces
+
+#: Rays over mirrors for a form factor of 1, for each unit of accuracy: on elements, at sensors.
+RAYS, SENSOR_RAYS = 20.0, 200.0
+#: Most of them.
+MOST_RAYS = 200_000.0
+#: Outlines that are looked through at most; lamps in others are found by rays.
+MOST_WINDOWS = 64
+#: Size of sampled cells at sensors against those on surfaces.
+SENSOR_SHARE = 0.1
+#: Distance in which rays do not hit what they start on, against the size of the scene.
+NEAR = 1e-7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reflections:
+    """What m receivers see in mirrors, beside the rows that were added to.
+
+    Attributes
+    ----------
+    emits : (l,) int array
+        Elements that are lamps.
+    lamps, lamp_variances : (m, l) array
+        Their form factors times what is mirrored of them, and the variances of that.
+    away : dict of pairs of (m,) arrays
+        ``"sky"``: luminance x form factor [cd/m²], ``"ground"``: form factor, of what rays found of
+        them; and their variances.
+    """
+
+    emits: IntArray
+    lamps: FloatArray
+    lamp_variances: FloatArray
+    away: dict[str, tuple[FloatArray, FloatArray]]
+
+
+def mirror_shares(scene: SceneData) -> FloatArray:
+    """Luminous share (p, 2) that both sides of every patch mirror."""
+    out = np.zeros(scene.material_index.shape)
+    for row, material in enumerate(scene.materials):
+        out[scene.material_index == row] = material.luminous_mirror
+    out[~np.asarray(scene.two_sided), 1] = 0.0
+    return out
+
+
+class Mirrors:
+    """The mirrors of one scene.
+
+    Parameters
+    ----------
+    scene : SceneData
+        The scene.
+    blockers : Blockers
+        Its patches as obstacles.
+    stages : Stages
+        Receives counters and warnings.
+    """
+
+    def __init__(self, scene: SceneData, blockers: Blockers, stages: Stages) -> None:
+        self.scene, self.blockers, self.stages = scene, blockers, stages
+        self.shares = mirror_shares(scene)
+        self.any = bool(self.shares.any())
+        self._caster: RayCaster | None = None
+        self.windows: list[Window] = []
+        self.imaged = np.zeros(self.shares.shape, dtype=bool)
+        if self.any:
+            low, high = scene.patches.bounds()
+            self.size = float(np.linalg.norm(high - low))
+            self._find_windows()
+        else:
+            stages.skipped["mirrors"] = "no mirrors"
+
+    def share_of(self, surfaces: Surfaces) -> FloatArray:
+        """Share (n,) of the light that each element mirrors."""
+        elements = surfaces.elements
+        return np.asarray(self.shares[elements.patch_index, elements.side])
+
+    def _find_windows(self) -> None:
+        """Outlines of flat mirrors, the largest first, as many as are looked through."""
+        from .topology import PLANAR
+
+        scene, nets = self.scene, self.scene.patches.control_points
+        flat = self.blockers.flags & PLANAR != 0
+        areas = scene.patches.areas()
+        found: dict[tuple[float, ...], tuple[Plane, Pieces]] = {}
+        curved = []
+        for patch, side in sorted(
+            np.argwhere(self.shares > 0.0).tolist(), key=lambda k: -areas[k[0]]
+        ):
+            if not flat[patch]:
+                curved.append(patch)
+                continue
+            axis = -self.blockers.cones[patch, :3] if side else self.blockers.cones[patch, :3]
+            axis = axis / np.linalg.norm(axis)
+            offset = float(np.mean(nets[patch][..., :3] / nets[patch][..., 3:] @ axis))
+            key = (*np.round(axis, 9), round(offset / self.size, 9), side)
+            if key not in found:
+                plane = Plane(axis, offset)
+                found[key] = (plane, pieces_before(nets, plane, TOUCH * self.size))
+            plane, pieces = found[key]
+            parts = windows(nets[patch], plane)
+            if parts is None or len(self.windows) + len(parts) > MOST_WINDOWS:
+                continue
+            self.imaged[patch, side] = True
+            self.windows += [
+                Window(
+                    plane, part, float(self.shares[patch, side]), patch, side,
+                    nets, self.blockers.closed, self.blockers.solid, pieces,
+                )
+                for part in parts
+            ]  # fmt: skip
+        if curved:
+            self._warn_curved(sorted(set(curved)))
+
+    def _warn_curved(self, patches: list[int]) -> None:
+        parts = sorted({self.scene.parts[self.scene.patches.part_index[p]].path for p in patches})
+        names = ", ".join(repr(name) for name in parts[:3]) + (", …" if len(parts) > 3 else "")
+        lost = ", and the sun's not at all" if self.scene.sun is not None else ""
+        self.stages.warnings.append(
+            f"curved mirrors ({names}): the light that they send to surfaces and sensors is found "
+            f"by rays, that of small lamps less exactly{lost}"
+        )
+
+    def reflect(
+        self,
+        rows: Rows,
+        surfaces: Surfaces,
+        asked: Ask,
+        *,
+        fine: bool = False,
+    ) -> Reflections:
+        """Add to ``rows``, in place, what is seen in mirrors.
+
+        Parameters
+        ----------
+        rows : Rows
+            From m receivers to the n elements.
+        surfaces : Surfaces
+            These.
+        asked : Ask
+            What the rows were asked for.
+        fine : bool
+            Whether the receivers are sensors, which nothing averages.
+        """
+        emits = np.flatnonzero(surfaces.diffuse.any(axis=1))
+        lamps = np.zeros((2, len(rows.factors), len(emits)))
+        for window in self.windows:
+            self._add_image(window, rows, surfaces, asked, emits, fine, lamps)
+        return self._add_rays(rows, surfaces, asked, emits, fine, lamps)
+
+    def looking(self, window: Window, rows: Rows, surfaces: Surfaces) -> IntArray:
+        """Receivers that see anything of a window's patch side."""
+        own = np.flatnonzero(
+            (surfaces.elements.patch_index == window.patch)
+            & (surfaces.elements.side == window.side)
+        )
+        return np.asarray(np.flatnonzero(rows.factors[:, own].sum(axis=1) > 0.0))
+
+    def _add_image(
+        self,
+        window: Window,
+        rows: Rows,
+        surfaces: Surfaces,
+        asked: Ask,
+        emits: IntArray,
+        fine: bool,
+        lamps: FloatArray,
+    ) -> None:
+        """Add to ``lamps`` (2, m, l) those that are seen through one window."""
+        looking = self.looking(window, rows, surfaces)
+        if not len(looking) or not len(emits):
+            return
+        parts, owner = window.sources(surfaces.elements, emits)
+        if not len(owner):
+            return
+        images = window.image_of(asked.receivers.take(looking))
+        blockers = window.near
+        cell_eps = asked.budget.lamp_cell_eps * (SENSOR_SHARE if fine else 1.0)
+        found = form_factor_matrix(
+            images.nodes,
+            images.normals,
+            images.weights,
+            images.patches,
+            make_sources(parts, blockers.nets, np.full(len(parts), cell_eps)),
+            blockers,
+            eps=asked.budget.eps * FINE_SHARE,
+            own=images.own,
+        )
+        self.stages.count({"mirror_pairs": found.factors.size})
+        for k, column in enumerate(np.searchsorted(emits, owner)):
+            lamps[0, looking, column] += window.share * found.factors[:, k]
+            lamps[1, looking, column] += window.share**2 * found.variances[:, k]
+
+    def dome(
+        self,
+        rows: Rows,
+        receivers: Receivers,
+        surfaces: Surfaces,
+        cells: FloatArray,
+        luminance: CIESky | float,
+        **how: Any,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Illuminance (m,) by cells at infinity seen in single flat mirrors, and its variance."""
+        light, variance = np.zeros((2, len(rows.factors)))
+        for window in self.windows:
+            looking = self.looking(window, rows, surfaces)
+            if not len(looking):
+                continue
+            images = window.image_of(receivers.take(looking))
+            places = (images.nodes, images.normals, images.weights)
+            found = gather(*places, cells, luminance, window.far, **how)
+            self.stages.count(found.counters)
+            light[looking] += window.share * found.illuminance
+            variance[looking] += (window.share * found.deviation) ** 2
+        return light, variance
+
+    def _add_rays(
+        self,
+        rows: Rows,
+        surfaces: Surfaces,
+        asked: Ask,
+        emits: IntArray,
+        fine: bool,
+        lamps: FloatArray,
+    ) -> Reflections:
+        """Add to ``rows``, and to ``lamps`` (2, m, l) those that no window shows."""
+        from .kernels.mirrors import GROUND, GROUND_IMAGED, SKY, SKY_IMAGED, Seen, mirror_rows
+        from .kernels.paths import Sides, Tree
+        from .skies import sky_tone
+        from .topology import writable
+
+        elements, scene, receivers = surfaces.elements, self.scene, asked.receivers
+        m, n = rows.factors.shape
+        own = np.flatnonzero(self.share_of(surfaces) > 0.0)
+        row = 2 * elements.patch_index + elements.side
+        column = np.full(n, -1)
+        column[emits] = np.arange(len(emits))
+        if self._caster is None:
+            self._caster = RayCaster(scene.patches)
+        start, order = elements_by_side(elements, len(scene.patches))
+        others, away, lost = np.zeros((m, 2, len(emits))), np.zeros((m, 2, 4)), np.zeros((m, 2))
+        added = np.zeros((m, n), np.float32), np.zeros((m, n), np.float32)
+        mirror_rows(
+            writable(receivers.nodes),
+            writable(receivers.normals),
+            writable(receivers.weights),
+            writable(rows.factors[:, own]),
+            Seen(
+                frozen(own, np.int64),
+                frozen(row[own], np.int64),
+                frozen(self.imaged.ravel(), np.bool_),
+                frozen(column, np.int64),
+                frozen(np.empty(0) if scene.sky is None else sky_tone(scene.sky)),
+            ),
+            Tree(*self._caster.arrays),
+            Sides(start, order, elements.boxes, frozen(self.shares.ravel())),
+            min((SENSOR_RAYS if fine else RAYS) / asked.budget.accuracy, MOST_RAYS),
+            NEAR * self.size,
+            *added,
+            others,
+            away,
+            lost,
+        )
+        rows.factors[...] += added[0]
+        rows.variances[...] += added[1]
+        rows.sums[:, 0] += added[0].sum(axis=1)
+        rows.sums[:, 1] += added[1].sum(axis=1)
+        self.stages.count({"mirror_rays": int(lost[:, 1].sum())})
+        lamps += others.transpose(1, 0, 2)
+        # Sensors see sky and ground in flat mirrors by images.
+        sky, ground = ([SKY], [GROUND]) if fine else ([SKY, SKY_IMAGED], [GROUND, GROUND_IMAGED])
+        seen = {
+            name: (away[:, 0, columns].sum(axis=1), away[:, 1, columns].sum(axis=1))
+            for name, columns in (("sky", sky), ("ground", ground))
+        }
+        return Reflections(emits, lamps[0], lamps[1], seen)
