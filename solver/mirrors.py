@@ -287,6 +287,8 @@ class Mirrors:
             away,
             lost,
         )
+        # Rows are asked for the deviation of all that elements send; what lamps emit is not in them.
+        added[1][:, emits] = 0.0
         rows.factors[...] += added[0]
         rows.variances[...] += added[1]
         rows.sums[:, 0] += added[0].sum(axis=1)
