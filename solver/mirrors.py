@@ -287,7 +287,7 @@ class Mirrors:
             away,
             lost,
         )
-        # Rows are asked for the deviation of all that elements send; what lamps emit is not in them.
+        # Rows are asked for the deviation of all that elements send: what lamps emit is not here.
         added[1][:, emits] = 0.0
         rows.factors[...] += added[0]
         rows.variances[...] += added[1]
