@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .elements_by_side import elements_by_side
 from .errors import InputError
 from .model.arrays import FloatArray, IntArray, check_shape, frozen
 from .model.elements import Elements
@@ -193,14 +194,6 @@ def render(
         caster=caster,
     )
     return renderer.render(camera)
-
-
-def elements_by_side(elements: Elements, patches: int) -> tuple[IntArray, IntArray]:
-    """Elements of patch side 2 p + side as CSR: (start (2 p + 1,), order (n,))."""
-    key = 2 * elements.patch_index + elements.side
-    order = np.argsort(key, kind="stable")
-    start = np.searchsorted(key[order], np.arange(2 * patches + 1))
-    return frozen(start, np.int64), frozen(order, np.int64)
 
 
 def _environment(scene: SceneData, *, grey: bool) -> FloatArray:

@@ -10,6 +10,7 @@ from .budget import Budget
 from .dome import gather
 from .dome_jobs import dome_jobs
 from .exchange import Rows, Scan, make_sources
+from .highlights import Highlights
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .mesher import Mesher
@@ -141,6 +142,7 @@ class FieldSolver:
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, trace=trace, stages=stages)
         self.mirrors = MirrorLight(scene, blockers, self.bands, stages)
+        self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
     def solve(self, budget: Budget, *, name: str | None = None) -> Field:
         """Solve on the mesh of ``budget``; one stage of that ``name``, or several of their own."""
@@ -191,8 +193,10 @@ class FieldSolver:
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
         self._add_lamps(light, rows, field.surfaces)
         light.variance += self.webs.add(light.direct, rows, field.surfaces, asked, fine=True)
+        seen = self.highlights.seen(rows, field)
         self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out, fine=True)
-        return self._gathered(light, rows, field.surfaces, field.reflected)
+        gathered = self._gathered(light, rows, field.surfaces, field.reflected)
+        return self.highlights.added(gathered, grid, seen, field, budget)
 
     def gather_indirect(self, grid: Sensors, budget: Budget, field: Field) -> FloatArray:
         """Indirect illuminance (m,) alone, for comparing meshes. [lx]"""

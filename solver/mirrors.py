@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from .camera import elements_by_side
 from .dome import gather
+from .elements_by_side import elements_by_side
 from .exchange import Rows, form_factor_matrix, make_sources
 from .images import TOUCH, Pieces, Plane, Window, pieces_before, windows
 from .kernels.pyramid import Blockers
