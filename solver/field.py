@@ -205,7 +205,7 @@ class FieldSolver:
             rows = self._factors.rows(asked, tell)
             if self.mirrors.any:
                 self.mirrors.reflect(rows, field.surfaces, asked, fine=True)
-        return luminous(rows.gather(field.all_reflected))
+        return luminous(rows.gather(field.all_reflected)) + self.highlights.known(grid)
 
     def _gathered(
         self, light: Light, rows: Rows, surfaces: Surfaces, reflected: dict[str, FloatArray]

@@ -107,7 +107,7 @@ def specular_radiance(
     size = float(np.linalg.norm(np.ptp(np.concatenate([points_of.reshape(-1, 3), x]), axis=0)))
     nets = sources.control_points
     none = np.zeros((0, 1))
-    lobe = Lobe(method == "default", True, float(accuracy), 0, NEAR * size)
+    lobe = Lobe(method == "default", True, float(accuracy), 0, 0, NEAR * size)
     shining = shining_of(nets, level[:, None], level)
     dark = np.full(5, 2.0)
     beyond = Beyond(np.empty(0), np.zeros(1), np.zeros(1), dark, np.zeros(1))

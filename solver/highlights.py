@@ -12,6 +12,7 @@ from .exchange import Rows
 from .glossy_sensors import SensorLobes
 from .mirrors import Mirrors
 from .model.arrays import FloatArray
+from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .second_pass import GlossySides, SecondPass
@@ -45,6 +46,7 @@ class Highlights:
         self.scene, self.mirrors, self.webs = scene, mirrors, webs
         self.trace, self.stages = trace, stages
         self.any = GlossySides(scene, 3).any
+        self._change: dict[str, FloatArray] = {}
         if not self.any:
             stages.skipped["second pass"] = "nothing is glossy"
 
@@ -59,6 +61,10 @@ class Highlights:
             trace=self.trace,
         )
 
+    def for_pictures(self, field: Field, budget: Budget) -> SecondPass | None:
+        """The same, or nothing where nothing is glossy."""
+        return self.second_pass(field, budget) if self.any else None
+
     def seen(self, rows: Rows, field: Field) -> FloatArray:
         """Form factors (m, k) of glossy elements; to be asked before mirrors are in ``rows``."""
         if not self.any:
@@ -67,6 +73,10 @@ class Highlights:
         where = (surfaces.elements.patch_index, surfaces.elements.side)
         sides = GlossySides(self.scene, surfaces.reflectance.shape[1])
         return np.asarray(rows.factors[:, sides.specular[where].any(axis=1)], dtype=np.float64)
+
+    def known(self, grid: Sensors) -> FloatArray | float:
+        """What lobes changed (m,) at the sensors when they were last asked for. [lx]"""
+        return self._change.get(grid.name, 0.0)
 
     def added(
         self, gathered: Gathered, grid: Sensors, seen: FloatArray, field: Field, budget: Budget
@@ -78,6 +88,7 @@ class Highlights:
             lobes = SensorLobes(self.second_pass(field, budget), field, budget)
             change, variance, count = lobes.change(grid, seen, gathered)
         self.stages.count({"glossy_points": count})
+        self._change[grid.name] = luminous(change.sum(axis=1))
         parts = dict(gathered.components)
         for k, group in enumerate(lobes.second.groups):
             parts[f"{group}.indirect"] = parts[f"{group}.indirect"] + change[:, k]

@@ -121,6 +121,7 @@ class SecondPass:
         *,
         accuracy: float,
         rays: int,
+        rounds: int = 1,
         by_group: bool,
     ) -> tuple[FloatArray, FloatArray]:
         """Radiance for a glossy reflectance of 1, and the albedo (m,) of the lobes.
@@ -133,8 +134,8 @@ class SecondPass:
             Sharpness, and luminance beside which little does not matter. [cd/m²]
         accuracy : float
             Of lamps.
-        rays : int
-            Rays a direction for all else.
+        rays, rounds : int
+            Rays a direction for all else, and how many times more at most where they differ.
         by_group : bool
             Whether groups are kept apart.
 
@@ -164,7 +165,7 @@ class SecondPass:
         elements = self.surfaces.elements
         found = radiance(
             points, normals, views, exponents, floors,
-            Lobe(True, self.trace, accuracy, rays, self.near),
+            Lobe(True, self.trace, accuracy, rays, rounds, self.near),
             shining_of(elements.nets[lamps], luminance, brightness),
             flat(light), flat(emitted), self._beyond(by_group, columns + own),
             self._tree, self._sides,

@@ -309,6 +309,7 @@ class _Simulation:
                 emitted=field.surfaces.diffuse,
                 irradiance=field.light.luminous(),
                 webs=solver.webs.lamps(self.budget.accuracy),
+                second=solver.highlights.for_pictures(field, self.budget),
             )
             for k, camera in enumerate(self.scene.cameras):
                 images[camera.name] = renderer.render(camera)

@@ -24,6 +24,8 @@ from .sky_luminance import sky_luminance
 
 #: How often a lamp's element is quartered at most, and a cell for a shadow edge on it.
 _LEVELS, _SHADOW_LEVELS = 12, 7
+#: Square of the relative deviation of what rays find from which more of them are asked.
+_UNEVEN = 0.05**2
 #: Points a thread takes at a time.
 _GROUP = 16
 #: Gauss' rule of three points on [0, 1].
@@ -88,8 +90,9 @@ class Lobe(NamedTuple):
         Whether anything hides anything.
     eps : float
         Relative accuracy of lamps.
-    rays : int
-        Rays a direction for all else: as many squared a point.
+    rays, rounds : int
+        Rays a direction for all else: as many squared a point, and as many times more at most where
+        their deviation is more than a twentieth.
     near : float
         Distance within which rays do not hit what they start on. [m]
     """
@@ -98,6 +101,7 @@ class Lobe(NamedTuple):
     trace: bool
     eps: float
     rays: int
+    rounds: int
     near: float
 
 
@@ -371,29 +375,43 @@ def lobe_light(
             bx, by = axis[1] * az - axis[2] * ay, axis[2] * ax - axis[0] * az
             bz = axis[0] * ay - axis[1] * ax
             seed = (i * 7919 + 12345) & 0x7FFFFFFF
-            sum_of = 0.0
+            sum_of = first = second = 0.0
+            shot = 0
             for c in range(columns):
                 seen[c] = 0.0
-            for a in range(lobe.rays):
-                for b in range(lobe.rays):
-                    seed = (seed * 1103515245 + 12345) & 0x7FFFFFFF
-                    s = (a + (seed >> 8) / 8388608.0) / lobe.rays
-                    seed = (seed * 1103515245 + 12345) & 0x7FFFFFFF
-                    turn = 2.0 * math.pi * (b + (seed >> 8) / 8388608.0) / lobe.rays
-                    c = s ** (1.0 / (exponent + 1.0))
-                    r = math.sqrt(max(1.0 - c * c, 0.0))
-                    p, q = r * math.cos(turn), r * math.sin(turn)
-                    d[0] = c * axis[0] + p * ax + q * bx
-                    d[1] = c * axis[1] + p * ay + q * by
-                    d[2] = c * axis[2] + p * az + q * bz
-                    here = d[0] * n[0] + d[1] * n[1] + d[2] * n[2]
-                    if here <= 0.0:
-                        continue
-                    share = here if lobe.cosine else 1.0
-                    sum_of += share
-                    _look(x, d, share, light, emitted, beyond, tree, sides, lobe.near, walk, seen)
+            for _ in range(lobe.rounds):
+                for a in range(lobe.rays):
+                    for b in range(lobe.rays):
+                        seed = (seed * 1103515245 + 12345) & 0x7FFFFFFF
+                        s = (a + (seed >> 8) / 8388608.0) / lobe.rays
+                        seed = (seed * 1103515245 + 12345) & 0x7FFFFFFF
+                        turn = 2.0 * math.pi * (b + (seed >> 8) / 8388608.0) / lobe.rays
+                        cosine = s ** (1.0 / (exponent + 1.0))
+                        r = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+                        p, q = r * math.cos(turn), r * math.sin(turn)
+                        d[0] = cosine * axis[0] + p * ax + q * bx
+                        d[1] = cosine * axis[1] + p * ay + q * by
+                        d[2] = cosine * axis[2] + p * az + q * bz
+                        here = d[0] * n[0] + d[1] * n[1] + d[2] * n[2]
+                        shot += 1
+                        if here <= 0.0:
+                            continue
+                        share = here if lobe.cosine else 1.0
+                        sum_of += share
+                        before = 0.0
+                        for c in range(columns):
+                            before -= seen[c]
+                        _look(
+                            x, d, share, light, emitted, beyond, tree, sides, lobe.near, walk, seen
+                        )
+                        for c in range(columns):
+                            before += seen[c]
+                        first += before
+                        second += before * before
+                if second <= first * first * (1.0 / shot + _UNEVEN):
+                    break
             if sum_of > 0.0:
                 if not lobe.cosine:
-                    whole = sum_of / lobe.rays**2
+                    whole = sum_of / shot
                 for c in range(columns):
                     out[i, c] += whole * seen[c] / sum_of
