@@ -2,8 +2,9 @@
 
 The path from a receiver x over a flat mirror to a lamp is straight when it is seen from the image
 x' of x behind the mirror's plane. Behind the plane it may be met by the image of the scene, before
-it by the scene; in the plane it must pass the mirror's outline, around which a frame hides all
-else. So the form factors, and the pyramids, of a scene without mirrors serve here, and are as
+it by the scene; in the plane it must pass the mirror's outline. A frame around the outline hides
+all else from finite distances; of light from infinity, what the outline would hide is what comes
+through it. So the form factors, and the pyramids, of a scene without mirrors serve here, and are as
 exact.
 """
 
@@ -14,6 +15,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
@@ -29,8 +31,6 @@ if TYPE_CHECKING:
 TOUCH = 1e-9
 #: How often a patch that the plane cuts askew, or an outline that is not star-shaped, is quartered.
 _CUTS, _SPLITS = 3, 3
-#: Frames reach this many times farther than the scene for light from infinity.
-_FAR = 1e4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,45 +238,81 @@ class Window:
 
     @cached_property
     def near(self) -> Blockers:
-        """What hides things of the scene."""
-        return self._blockers(1.0)
+        """What hides things of the scene: patches before the plane, their images, and a frame."""
+        points = (self.nets[..., :3] / self.nets[..., 3:]).reshape(-1, 3)
+        size = float(np.linalg.norm(np.ptp(points, axis=0)))
+        return self._blockers(frame_around(self.net, size))
 
     @cached_property
-    def far(self) -> Blockers:
-        """What hides light from infinity."""
-        return self._blockers(_FAR)
+    def open(self) -> Blockers | None:
+        """What hides light from infinity, were there nothing in the plane; None for nothing."""
+        return self._blockers(self.net[:0]) if self.count else None
 
-    def _blockers(self, reach: float) -> Blockers:
+    @cached_property
+    def shut(self) -> Blockers:
+        """The same with the outline hiding what is behind it."""
+        return self._blockers(self.net[None])
+
+    def _blockers(self, more: FloatArray) -> Blockers:
+        """Patches before the plane, their images, and ``more`` (k, 4, 4, 4) in it."""
         from .topology import adjacency, make_blockers
 
         pieces, plane = self.pieces, self.plane
-        points = (self.nets[..., :3] / self.nets[..., 3:]).reshape(-1, 3)
-        size = float(np.linalg.norm(np.ptp(points, axis=0)))
-        frame = frame_around(self.net, reach * size)
         own, closed = self.solid[pieces.patch], self.closed[pieces.patch]
         # What the plane cuts and its image are one body, others and their images are two.
-        height = plane.height(points).reshape(len(self.nets), -1)
-        crossing = np.unique(self.solid[(height < -TOUCH * size).any(axis=1)])
+        points = self.nets[..., :3] / self.nets[..., 3:]
+        low = plane.height(points).reshape(len(self.nets), -1).min(axis=1)
+        crossing = np.unique(self.solid[low < -TOUCH * float(np.ptp(points))])
         images = np.where(np.isin(own, crossing), own, own + int(self.solid.max()) + 1)
         core = np.concatenate([pieces.nets, plane.image_net(pieces.nets)])
         solid = np.concatenate([own, images])
         beside = adjacency(core, solid)
-        around = adjacency(frame, np.zeros(len(frame), np.int64), relative=1e-9 / reach)
+        around = adjacency(more, np.zeros(len(more), np.int64), relative=1e-9)
         around[around >= 0] += len(core)
         return make_blockers(
-            PatchSet(np.concatenate([core, frame])),
-            np.concatenate([closed, closed, np.zeros(len(frame), bool)]),
-            np.concatenate([solid, np.full(len(frame), int(solid.max(initial=0)) + 1)]),
+            PatchSet(np.concatenate([core, more])),
+            np.concatenate([closed, closed, np.zeros(len(more), bool)]),
+            np.concatenate([solid, np.full(len(more), int(solid.max(initial=0)) + 1)]),
             np.concatenate([beside, around]),
         )
 
-    def sources(self, elements: Elements, rows: IntArray) -> tuple[Elements, IntArray]:
-        """What of some elements lies before the plane, on the patches of `near`; and their rows."""
+    def lamps(
+        self, elements: Elements, rows: IntArray, kind: IntArray
+    ) -> tuple[Elements, IntArray]:
+        """Lamps before the plane, in one piece for each patch of `near`, and an element of each.
+
+        Parameters
+        ----------
+        elements : Elements
+            Of the scene.
+        rows : (k,) int array
+            Those that are lamps.
+        kind : (k,) int array
+            Equal numbers for lamps of equal light: patches on which all elements are of one kind
+            are taken whole.
+        """
+        key = 2 * elements.patch_index[rows] + elements.side[rows]
+        first: dict[int, int] = {}
+        uneven = set()
+        for row, own, light in zip(rows.tolist(), key.tolist(), kind.tolist(), strict=True):
+            if own in first and kind[np.searchsorted(rows, first[own])] != light:
+                uneven.add(own)
+            first.setdefault(own, row)
+        whole = np.array([own not in uneven for own in key.tolist()], dtype=bool)
+        single = np.unique([first[own] for own in key[whole].tolist()]).astype(np.int64)
+        boxes = elements.boxes.copy()
+        boxes[single] = (0.0, 1.0, 0.0, 1.0)
+        return self._parts(elements, boxes, np.sort(np.concatenate([single, rows[~whole]])))
+
+    def _parts(
+        self, elements: Elements, ends: FloatArray, rows: IntArray
+    ) -> tuple[Elements, IntArray]:
+        """What of the boxes ``ends`` (n, 4) of some elements lies before the plane, and whose."""
         boxes, owner = [], []
         for k in range(self.count):
             u0, u1, v0, v1 = self.pieces.boxes[k]
             for row in rows[elements.patch_index[rows] == self.pieces.patch[k]]:
-                a, b, c, d = elements.boxes[row]
+                a, b, c, d = ends[row]
                 part = (max(a, u0), min(b, u1), max(c, v0), min(d, v1))
                 if part[0] < part[1] and part[2] < part[3]:
                     lu, lv = u1 - u0, v1 - v0
@@ -289,8 +325,22 @@ class Window:
         table = np.array(boxes, dtype=np.float64)
         order = np.lexsort((table[:, 4], table[:, 2], table[:, 1], table[:, 0]))
         table = table[order]
-        ends = Boxes(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
-        return elements_on(PatchSet(self.near.nets), ends, nodes=1), np.array(owner)[order]
+        parts = Boxes(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
+        return elements_on(PatchSet(self.near.nets), parts, nodes=1), np.array(owner)[order]
+
+    def shows(self, points: FloatArray, toward: FloatArray, angle: float) -> NDArray[np.bool_]:
+        """Whether the outline may show points (..., 3) what is far off within ``angle`` of a line.
+
+        ``points`` are images of receivers, ``toward`` (3,) is of unit length. [rad]
+        """
+        steep = float(toward @ self.plane.normal)
+        if steep <= 0.0:
+            return np.zeros(points.shape[:-1], dtype=bool)
+        way = -self.plane.height(points) / steep
+        middle = _center(self.net)
+        reach = np.linalg.norm(self.net[..., :3] / self.net[..., 3:] - middle, axis=-1).max()
+        off = np.linalg.norm(points + way[..., None] * toward - middle, axis=-1)
+        return np.asarray((way > 0.0) & (off <= 1.01 * reach + 2.0 * way * angle / steep))
 
     def image_of(self, receivers: Receivers) -> Receivers:
         """Images of receivers before the plane; what is behind it gets no share."""

@@ -82,9 +82,16 @@ class MirrorLight(Mirrors):
             for job in jobs:
                 # Elements, of which there are many, see sky and ground along rays.
                 if fine or job.name == "sun":
-                    how = {"eps": asked.budget.eps, "cell_eps": job.cell_eps}
                     found, variance = self.dome(
-                        rows, asked.receivers, surfaces, job.cells, job.luminance, **how
+                        rows,
+                        asked.receivers,
+                        surfaces,
+                        job.cells,
+                        job.luminance,
+                        sun=self.scene.sun if job.name == "sun" else None,
+                        # Edges of parts of the sun's disc cancel to little of themselves.
+                        eps=1e-9 if job.name == "sun" else asked.budget.eps,
+                        cell_eps=job.cell_eps,
                     )
                     light.direct[job.name] = light.direct[job.name] + found[:, None] * job.color
                     light.variance += variance

@@ -20,8 +20,10 @@ from .exchange import Rows, form_factor_matrix, make_sources
 from .images import TOUCH, Pieces, Plane, Window, pieces_before, windows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray, frozen
+from .model.elements import Elements
+from .model.patches import PatchSet
 from .model.scene import SceneData
-from .model.sky import CIESky
+from .model.sky import CIESky, Sun, direction
 from .raycast import RayCaster
 from .row_finder import FINE_SHARE, Ask
 from .stages import Stages
@@ -33,8 +35,6 @@ RAYS, SENSOR_RAYS = 20.0, 200.0
 MOST_RAYS = 200_000.0
 #: Outlines that are looked through at most; lamps in others are found by rays.
 MOST_WINDOWS = 64
-#: Size of sampled cells at sensors against those on surfaces.
-SENSOR_SHARE = 0.1
 #: Distance in which rays do not hit what they start on, against the size of the scene.
 NEAR = 1e-7
 
@@ -196,26 +196,48 @@ class Mirrors:
         looking = self.looking(window, rows, surfaces)
         if not len(looking) or not len(emits):
             return
-        parts, owner = window.sources(surfaces.elements, emits)
+        light = np.concatenate([surfaces.diffuse, surfaces.lamp[:, None]], axis=1)[emits]
+        kind = np.unique(light, axis=0, return_inverse=True)[1].reshape(-1)
+        parts, owner = window.lamps(surfaces.elements, emits, kind)
         if not len(owner):
             return
         images = window.image_of(asked.receivers.take(looking))
-        blockers = window.near
-        cell_eps = asked.budget.lamp_cell_eps * (SENSOR_SHARE if fine else 1.0)
+        factors, spread = self._factors(window, images, parts, asked, fine)
+        self.stages.count({"mirror_pairs": factors.size})
+        for k, column in enumerate(np.searchsorted(emits, owner)):
+            lamps[0, looking, column] += window.share * factors[:, k]
+            lamps[1, looking, column] += window.share**2 * spread[:, k]
+
+    def _factors(
+        self, window: Window, images: Receivers, parts: Elements, asked: Ask, fine: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """Form factors of lamps through a window, and their variances."""
+        eps, blockers = asked.budget.eps * FINE_SHARE, window.near
+        if fine:
+            # Sensors before the plane have one node: the contour of what is seen is exact.
+            from .factors import point_form_factors
+
+            before = images.weights[:, 0]
+            seen = point_form_factors(
+                images.nodes[:, 0],
+                images.normals[:, 0],
+                PatchSet(parts.nets),
+                PatchSet(blockers.nets),
+                accuracy=eps,
+            )
+            return before[:, None] * seen.value, (0.25 * (seen.high - seen.low)) ** 2
+        cells = np.full(len(parts), asked.budget.lamp_cell_eps)
         found = form_factor_matrix(
             images.nodes,
             images.normals,
             images.weights,
             images.patches,
-            make_sources(parts, blockers.nets, np.full(len(parts), cell_eps)),
+            make_sources(parts, blockers.nets, cells),
             blockers,
-            eps=asked.budget.eps * FINE_SHARE,
+            eps=eps,
             own=images.own,
         )
-        self.stages.count({"mirror_pairs": found.factors.size})
-        for k, column in enumerate(np.searchsorted(emits, owner)):
-            lamps[0, looking, column] += window.share * found.factors[:, k]
-            lamps[1, looking, column] += window.share**2 * found.variances[:, k]
+        return np.asarray(found.factors), np.asarray(found.variances)
 
     def dome(
         self,
@@ -224,20 +246,33 @@ class Mirrors:
         surfaces: Surfaces,
         cells: FloatArray,
         luminance: CIESky | float,
+        *,
+        sun: Sun | None = None,
         **how: Any,
     ) -> tuple[FloatArray, FloatArray]:
-        """Illuminance (m,) by cells at infinity seen in single flat mirrors, and its variance."""
+        """Illuminance (m,) by cells at infinity seen in single flat mirrors, and its variance.
+
+        Only receivers to which a mirror may show the ``sun`` are asked, if it is that.
+        """
         light, variance = np.zeros((2, len(rows.factors)))
         for window in self.windows:
             looking = self.looking(window, rows, surfaces)
             if not len(looking):
                 continue
             images = window.image_of(receivers.take(looking))
+            if sun is not None:
+                toward = np.asarray(direction(sun.altitude_deg, sun.azimuth_deg))
+                angle = float(np.radians(sun.angular_radius_arcmin / 60.0))
+                may = window.shows(images.nodes, toward, angle).any(axis=1)
+                looking, images = looking[may], images.take(np.flatnonzero(may))
             places = (images.nodes, images.normals, images.weights)
-            found = gather(*places, cells, luminance, window.far, **how)
-            self.stages.count(found.counters)
-            light[looking] += window.share * found.illuminance
-            variance[looking] += (window.share * found.deviation) ** 2
+            # What the outline would hide of all behind it is what comes through.
+            for sign, blockers in ((1.0, window.open), (-1.0, window.shut)):
+                there = self.blockers if blockers is None else blockers
+                found = gather(*places, cells, luminance, there, trace=blockers is not None, **how)
+                self.stages.count(found.counters)
+                light[looking] += sign * window.share * found.illuminance
+                variance[looking] += (window.share * found.deviation) ** 2
         return light, variance
 
     def _add_rays(
