@@ -141,7 +141,7 @@ class FieldSolver:
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, trace=trace, stages=stages)
-        self.mirrors = MirrorLight(scene, blockers, self.bands, stages)
+        self.mirrors = MirrorLight(scene, blockers, self.webs, self.bands, stages)
         self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
     def solve(self, budget: Budget, *, name: str | None = None) -> Field:

@@ -17,6 +17,7 @@ from .model.sky import CIESky
 from .row_finder import Ask
 from .stages import Stages
 from .surfaces import Surfaces
+from .web_field import WebField
 
 
 class Direct(Protocol):
@@ -35,15 +36,19 @@ class MirrorLight(Mirrors):
         The scene.
     blockers : Blockers
         Its patches as obstacles.
+    webs : WebField
+        Its lamps with webs.
     bands : int
         Bands of light.
     stages : Stages
         Receives times, counters and warnings.
     """
 
-    def __init__(self, scene: SceneData, blockers: Blockers, bands: int, stages: Stages) -> None:
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, webs: WebField, bands: int, stages: Stages
+    ) -> None:
         super().__init__(scene, blockers, stages)
-        self.bands = bands
+        self.webs, self.bands = webs, bands
 
     def add(
         self,
@@ -95,11 +100,14 @@ class MirrorLight(Mirrors):
                     )
                     light.direct[job.name] = light.direct[job.name] + found[:, None] * job.color
                     light.variance += variance
+            self._add_webs(light, rows, surfaces, asked, fine)
             seen = self.reflect(rows, surfaces, asked, fine=fine)
-            for group in dict.fromkeys(lamp.group for lamp in self.scene.luminaires):
-                emitted = surfaces.emitted_by(self.scene, group)[seen.emits]
-                light.direct[group] = light.direct[group] + products(seen.lamps, emitted)
-            emitted = luminous(surfaces.diffuse)[seen.emits]
+            emitted, lamp = surfaces.emitted[seen.emits], surfaces.lamp[seen.emits]
+            for group in dict.fromkeys(one.group for one in self.scene.luminaires):
+                rows_of = [k for k, one in enumerate(self.scene.luminaires) if one.group == group]
+                own = np.where(np.isin(lamp, rows_of)[:, None], emitted, 0.0)
+                light.direct[group] = light.direct[group] + products(seen.lamps, own)
+            emitted = luminous(emitted)
             light.variance += products(seen.lamp_variances, emitted**2)
             for job in jobs:
                 if job.name != "sun":
@@ -109,3 +117,24 @@ class MirrorLight(Mirrors):
                         light.direct[job.name] + level * found[:, None] * job.color
                     )
                     light.variance += level**2 * variance
+
+    def _add_webs(
+        self, light: Direct, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool
+    ) -> None:
+        """Add lamps with webs: seen from the image, their light takes its true direction."""
+        for lamp in self.webs.lamps(asked.budget.accuracy):
+            own = np.flatnonzero(surfaces.lamp == lamp.row)
+            color = np.ones(1) if self.bands == 1 else np.asarray(lamp.luminaire.color)
+            group = lamp.luminaire.group
+            for window in self.windows:
+                seen = self.through(window, rows, surfaces, asked, own, fine)
+                if seen is None:
+                    continue
+                plain, _ = self.factors(window, seen.images, seen.parts, asked, fine, hiding=False)
+                found = lamp.light(
+                    seen.images, seen.parts, seen.factors, seen.variances, plain, coarse=not fine
+                )
+                added = np.zeros_like(light.direct[group])
+                added[seen.looking] = window.share * found.illuminance[:, None] * color
+                light.direct[group] = light.direct[group] + added
+                light.variance[seen.looking] += window.share**2 * found.variance

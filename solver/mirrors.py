@@ -60,6 +60,32 @@ class Reflections:
     away: dict[str, tuple[FloatArray, FloatArray]]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Through:
+    """Lamps as k receivers see them through a window.
+
+    Attributes
+    ----------
+    looking : (k,) int array
+        Rows of the receivers.
+    owner : (l,) int array
+        An element of each part.
+    images : Receivers
+        Images of the receivers.
+    parts : Elements
+        Parts of lamps, of even light each.
+    factors, variances : (k, l) array
+        Form factors, before the mirror takes its share, and their variances.
+    """
+
+    looking: IntArray
+    owner: IntArray
+    images: Receivers
+    parts: Elements
+    factors: FloatArray
+    variances: FloatArray
+
+
 def mirror_shares(scene: SceneData) -> FloatArray:
     """Luminous share (p, 2) that both sides of every patch mirror."""
     out = np.zeros(scene.material_index.shape)
@@ -168,7 +194,8 @@ class Mirrors:
         fine : bool
             Whether the receivers are sensors, which nothing averages.
         """
-        emits = np.flatnonzero(surfaces.diffuse.any(axis=1))
+        # Webs are followed by rays only here, at their mean: their images are `MirrorLight`'s.
+        emits = np.flatnonzero(surfaces.emitted.any(axis=1))
         lamps = np.zeros((2, len(rows.factors), len(emits)))
         for window in self.windows:
             self._add_image(window, rows, surfaces, asked, emits, fine, lamps)
@@ -193,25 +220,48 @@ class Mirrors:
         lamps: FloatArray,
     ) -> None:
         """Add to ``lamps`` (2, m, l) those that are seen through one window."""
-        looking = self.looking(window, rows, surfaces)
-        if not len(looking) or not len(emits):
+        own = emits[~surfaces.web[emits]]
+        seen = self.through(window, rows, surfaces, asked, own, fine)
+        if seen is None:
             return
-        light = np.concatenate([surfaces.diffuse, surfaces.lamp[:, None]], axis=1)[emits]
-        kind = np.unique(light, axis=0, return_inverse=True)[1].reshape(-1)
-        parts, owner = window.lamps(surfaces.elements, emits, kind)
-        if not len(owner):
-            return
-        images = window.image_of(asked.receivers.take(looking))
-        factors, spread = self._factors(window, images, parts, asked, fine)
-        self.stages.count({"mirror_pairs": factors.size})
-        for k, column in enumerate(np.searchsorted(emits, owner)):
-            lamps[0, looking, column] += window.share * factors[:, k]
-            lamps[1, looking, column] += window.share**2 * spread[:, k]
+        for k, column in enumerate(np.searchsorted(emits, seen.owner)):
+            lamps[0, seen.looking, column] += window.share * seen.factors[:, k]
+            lamps[1, seen.looking, column] += window.share**2 * seen.variances[:, k]
 
-    def _factors(
-        self, window: Window, images: Receivers, parts: Elements, asked: Ask, fine: bool
+    def through(
+        self,
+        window: Window,
+        rows: Rows,
+        surfaces: Surfaces,
+        asked: Ask,
+        lamps: IntArray,
+        fine: bool,
+    ) -> Through | None:
+        """What of some elements that are lamps is seen through a window; None for nothing."""
+        looking = self.looking(window, rows, surfaces)
+        if not len(looking) or not len(lamps):
+            return None
+        light = np.concatenate([surfaces.emitted, surfaces.lamp[:, None]], axis=1)[lamps]
+        kind = np.unique(light, axis=0, return_inverse=True)[1].reshape(-1)
+        parts, owner = window.lamps(surfaces.elements, lamps, kind)
+        if not len(owner):
+            return None
+        images = window.image_of(asked.receivers.take(looking))
+        factors, variances = self.factors(window, images, parts, asked, fine)
+        self.stages.count({"mirror_pairs": factors.size})
+        return Through(looking, owner, images, parts, factors, variances)
+
+    def factors(
+        self,
+        window: Window,
+        images: Receivers,
+        parts: Elements,
+        asked: Ask,
+        fine: bool,
+        *,
+        hiding: bool = True,
     ) -> tuple[FloatArray, FloatArray]:
-        """Form factors of lamps through a window, and their variances."""
+        """Form factors of lamps through a window, and their variances; or with nothing hiding."""
         eps, blockers = asked.budget.eps * FINE_SHARE, window.near
         if fine:
             # Sensors before the plane have one node: the contour of what is seen is exact.
@@ -224,6 +274,7 @@ class Mirrors:
                 PatchSet(parts.nets),
                 PatchSet(blockers.nets),
                 accuracy=eps,
+                visibility="auto" if hiding else "none",
             )
             return before[:, None] * seen.value, (0.25 * (seen.high - seen.low)) ** 2
         cells = np.full(len(parts), asked.budget.lamp_cell_eps)
@@ -235,6 +286,7 @@ class Mirrors:
             make_sources(parts, blockers.nets, cells),
             blockers,
             eps=eps,
+            trace=hiding,
             own=images.own,
         )
         return np.asarray(found.factors), np.asarray(found.variances)

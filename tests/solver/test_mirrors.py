@@ -10,6 +10,7 @@ from patchlight.solver.simulation import solve
 
 from .fixtures_light import Body, ceiling, closed_cylinder, grid, rectangle, scene, setup
 from .fixtures_shine import BLACK, doubled_rooms, with_materials
+from .test_webs import cosine, toward, uneven, with_web
 
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 
@@ -188,3 +189,25 @@ def test_scenes_without_mirrors_pay_nothing():
     assert result.skipped["second pass"] == "nothing is glossy"
     assert not {"mirror_rays", "mirror_pairs", "glossy_points"} & set(result.counters)
     assert not {"mirrors", "second pass"} & set(result.stages)
+
+
+@pytest.mark.parametrize("web", [cosine(), uneven(90.0)])
+def test_a_web_in_a_mirror_keeps_its_directions(web):
+    # From afar the lamp is its web: the image of the sensor is in the direction that counts.
+    mirror = rectangle((-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0))
+    points = np.array([(0.7, 0.3, 1.0), (-1.0, 0.8, 1.6), (0.2, -1.4, 0.6)])
+    parts = setup(mirror, ceiling(-0.01, 0.01, -0.01, 0.01, 3.0))
+    made = with_materials(
+        parts,
+        [Material(0.0, mirror=0.8), BLACK],
+        lamps=[(1, "lamp", 1.0)],
+        sensors=[grid("g", points, DOWN)],
+    )
+    made = with_web(made, web)
+    found = solve(made, accuracy=0.02)
+    way = points * (1, 1, -1) - (0, 0, 3)
+    distance = np.linalg.norm(way, axis=1)
+    intensity = toward(made.luminaires[0].web, way / distance[:, None])
+    exact = 0.8 * intensity * -way[:, 2] / distance**3
+    # The lamp is a five-hundredth of the distance wide, and webs bend at their angles.
+    assert found.sensors["g"].components["lamp.direct"] == pytest.approx(exact, rel=2e-3)
