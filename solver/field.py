@@ -204,7 +204,7 @@ class FieldSolver:
             asked = Ask(budget, Receivers.of_sensors(grid), field.sources)
             rows = self._factors.rows(asked, tell)
             if self.mirrors.any:
-                self.mirrors.reflect(rows, field.surfaces, asked, fine=True)
+                self.mirrors.reflect(rows, field.surfaces, asked, fine=True, lamps=False)
         return luminous(rows.gather(field.all_reflected)) + self.highlights.known(grid)
 
     def _gathered(

@@ -33,6 +33,8 @@ from .surfaces import Receivers, Surfaces
 RAYS, SENSOR_RAYS = 20.0, 200.0
 #: Most of them.
 MOST_RAYS = 200_000.0
+#: How often places on curved mirrors that may show a lamp are quartered: on elements, at sensors.
+LAMP_LEVELS = 1, 4
 #: Outlines that are looked through at most; lamps in others are found by rays.
 MOST_WINDOWS = 64
 #: Distance in which rays do not hit what they start on, against the size of the scene.
@@ -180,6 +182,7 @@ class Mirrors:
         asked: Ask,
         *,
         fine: bool = False,
+        lamps: bool = True,
     ) -> Reflections:
         """Add to ``rows``, in place, what is seen in mirrors.
 
@@ -193,13 +196,15 @@ class Mirrors:
             What the rows were asked for.
         fine : bool
             Whether the receivers are sensors, which nothing averages.
+        lamps : bool
+            Whether lamps are looked for.
         """
         # Webs are followed by rays only here, at their mean: their images are `MirrorLight`'s.
-        emits = np.flatnonzero(surfaces.emitted.any(axis=1))
-        lamps = np.zeros((2, len(rows.factors), len(emits)))
+        emits = np.flatnonzero(surfaces.emitted.any(axis=1) & lamps)
+        found = np.zeros((2, len(rows.factors), len(emits)))
         for window in self.windows:
-            self._add_image(window, rows, surfaces, asked, emits, fine, lamps)
-        return self._add_rays(rows, surfaces, asked, emits, fine, lamps)
+            self._add_image(window, rows, surfaces, asked, emits, fine, found)
+        return self._add_rays(rows, surfaces, asked, emits, fine, found)
 
     def looking(self, window: Window, rows: Rows, surfaces: Surfaces) -> IntArray:
         """Receivers that see anything of a window's patch side."""
@@ -340,7 +345,7 @@ class Mirrors:
         from .kernels.mirrors import GROUND, GROUND_IMAGED, SKY, SKY_IMAGED, Seen, mirror_rows
         from .kernels.paths import Sides, Tree
         from .skies import sky_tone
-        from .topology import writable
+        from .topology import bounding_spheres, writable
 
         elements, scene, receivers = surfaces.elements, self.scene, asked.receivers
         m, n = rows.factors.shape
@@ -363,11 +368,13 @@ class Mirrors:
                 frozen(row[own], np.int64),
                 frozen(self.imaged.ravel(), np.bool_),
                 frozen(column, np.int64),
+                bounding_spheres(elements.nets[emits]) if len(emits) else np.zeros((0, 4)),
                 frozen(np.empty(0) if scene.sky is None else sky_tone(scene.sky)),
             ),
             Tree(*self._caster.arrays),
             Sides(start, order, elements.boxes, frozen(self.shares.ravel())),
             min((SENSOR_RAYS if fine else RAYS) / asked.budget.accuracy, MOST_RAYS),
+            LAMP_LEVELS[1 if fine else 0],
             NEAR * self.size,
             *added,
             others,
