@@ -161,7 +161,9 @@ class FieldSolver:
         self._add_dome(light, receivers, budget, sees_out, name, scanned)
         self._add_lamps(light, rows, surfaces)
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, stage=name)
-        self.mirrors.add(light, rows, surfaces, asked, sees_out, stage=name)
+        mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out, stage=name)
+        if mirrored is not None:
+            mirrored.into(rows)
         with self.stages.run(name or "radiosity"):
             reflected, products = solve_radiosity(
                 rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
@@ -194,7 +196,9 @@ class FieldSolver:
         self._add_lamps(light, rows, field.surfaces)
         light.variance += self.webs.add(light.direct, rows, field.surfaces, asked, fine=True)
         seen = self.highlights.seen(rows, field)
-        self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out, fine=True)
+        mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out, fine=True)
+        if mirrored is not None:
+            mirrored.into(rows)
         gathered = self._gathered(light, rows, field.surfaces, field.reflected)
         return self.highlights.added(gathered, grid, seen, field, budget)
 
@@ -204,7 +208,8 @@ class FieldSolver:
             asked = Ask(budget, Receivers.of_sensors(grid), field.sources)
             rows = self._factors.rows(asked, tell)
             if self.mirrors.any:
-                self.mirrors.reflect(rows, field.surfaces, asked, fine=True, lamps=False)
+                how = {"fine": True, "lamps": False}
+                self.mirrors.reflect(rows, field.surfaces, asked, **how).into(rows)
         return luminous(rows.gather(field.all_reflected)) + self.highlights.known(grid)
 
     def _gathered(

@@ -9,7 +9,7 @@ import numpy as np
 from .dome_jobs import dome_jobs
 from .exchange import Rows, products
 from .kernels.pyramid import Blockers
-from .mirrors import Mirrors
+from .mirrors import Mirrors, Reflections
 from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
@@ -60,15 +60,15 @@ class MirrorLight(Mirrors):
         *,
         fine: bool = False,
         stage: str | None = None,
-    ) -> None:
-        """Add what mirrors show: lamps, sky, sun and ground to ``light``, elements to ``rows``.
+    ) -> Reflections | None:
+        """Add lamps, sky, sun and ground in mirrors to ``light``; returns what else they show.
 
         Parameters
         ----------
         light : Direct
             Changed in place; every group that may be seen is there. [lx]
         rows : Rows
-            Form factors of m receivers, without mirrors; changed in place.
+            Form factors of m receivers, without mirrors.
         surfaces : Surfaces
             The elements they go to.
         asked : Ask
@@ -81,7 +81,7 @@ class MirrorLight(Mirrors):
             Stage that the time is counted to; one of its own when not given.
         """
         if not self.any:
-            return
+            return None
         with self.stages.run(stage or "mirrors"):
             jobs = dome_jobs(self.scene, asked.budget, self.bands) if sees_out else []
             for job in jobs:
@@ -117,6 +117,7 @@ class MirrorLight(Mirrors):
                         light.direct[job.name] + level * found[:, None] * job.color
                     )
                     light.variance += level**2 * variance
+        return seen
 
     def _add_webs(
         self, light: Direct, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool

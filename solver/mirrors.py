@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .dome import gather
 from .elements_by_side import elements_by_side
@@ -43,10 +44,12 @@ NEAR = 1e-7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reflections:
-    """What m receivers see in mirrors, beside the rows that were added to.
+    """What m receivers see in mirrors.
 
     Attributes
     ----------
+    rows, variances : (m, n) float32 array
+        Form factors of the elements by way of mirrors, and variances of what they reflect.
     emits : (l,) int array
         Elements that are lamps.
     lamps, lamp_variances : (m, l) array
@@ -56,10 +59,19 @@ class Reflections:
         them; and their variances.
     """
 
+    rows: NDArray[np.float32]
+    variances: NDArray[np.float32]
     emits: IntArray
     lamps: FloatArray
     lamp_variances: FloatArray
     away: dict[str, tuple[FloatArray, FloatArray]]
+
+    def into(self, rows: Rows) -> None:
+        """Add to rows, in place, so that what they gather from has come by mirrors too."""
+        rows.factors[...] += self.rows
+        rows.variances[...] += self.variances
+        rows.sums[:, 0] += self.rows.sum(axis=1)
+        rows.sums[:, 1] += self.variances.sum(axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +196,7 @@ class Mirrors:
         fine: bool = False,
         lamps: bool = True,
     ) -> Reflections:
-        """Add to ``rows``, in place, what is seen in mirrors.
+        """What is seen in mirrors.
 
         Parameters
         ----------
@@ -341,7 +353,7 @@ class Mirrors:
         fine: bool,
         lamps: FloatArray,
     ) -> Reflections:
-        """Add to ``rows``, and to ``lamps`` (2, m, l) those that no window shows."""
+        """What rays find; lamps that no window shows are added to ``lamps`` (2, m, l)."""
         from .kernels.mirrors import GROUND, GROUND_IMAGED, SKY, SKY_IMAGED, Seen, mirror_rows
         from .kernels.paths import Sides, Tree
         from .skies import sky_tone
@@ -383,10 +395,6 @@ class Mirrors:
         )
         # Rows are asked for the deviation of all that elements send: what lamps emit is not here.
         added[1][:, emits] = 0.0
-        rows.factors[...] += added[0]
-        rows.variances[...] += added[1]
-        rows.sums[:, 0] += added[0].sum(axis=1)
-        rows.sums[:, 1] += added[1].sum(axis=1)
         self.stages.count({"mirror_rays": int(lost[:, 1].sum())})
         lamps += others.transpose(1, 0, 2)
         # Sensors see sky and ground in flat mirrors by images.
@@ -395,4 +403,4 @@ class Mirrors:
             name: (away[:, 0, columns].sum(axis=1), away[:, 1, columns].sum(axis=1))
             for name, columns in (("sky", sky), ("ground", ground))
         }
-        return Reflections(emits, lamps[0], lamps[1], seen)
+        return Reflections(added[0], added[1], emits, lamps[0], lamps[1], seen)
