@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +17,7 @@ MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
 USUALLY_MORE = 0.2
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
-NODES = 2
+NODES = {"constant": 2, "bilinear": 2, "biquadratic": 3}
 
 #: Wall-clock time on two cores: half of the CPU time of each stage of the demo office (accuracy 0.3
 #: to 0.02) and of a room with one lamp (0.02 and 0.005), the larger per unit of both scenes. [s]
@@ -48,13 +47,19 @@ class Budget:
     elements, receivers : int
         Number of elements before refinement, and of sensors and nodes together.
     most_elements : int
-        How many of them refinement may lead to.
+        How many of them cuts where lamps' light changes may lead to.
+    elements_at_most : int
+        How many of them cuts where the error is may lead to.
     misplaced : float
         Share of the reflected direct light that the mesh may have in the wrong place.
     distance : float
         Distance between surfaces to which places are compared. [m]
+    basis : str
+        How exitance varies over an element: "constant", "bilinear" or "biquadratic".
     nodes : int
         Nodes a direction in each element.
+    moments : float
+        Error of the share of each node in the form factor of a near element.
     eps : float
         Relative accuracy of unoccluded form factors.
     lines, sensor_lines : int
@@ -77,9 +82,12 @@ class Budget:
     elements: int
     receivers: int
     most_elements: int
+    elements_at_most: int
     misplaced: float
     distance: float
+    basis: str
     nodes: int
+    moments: float
     eps: float
     lines: int
     sensor_lines: int
@@ -91,7 +99,7 @@ class Budget:
     sun_cell_eps: float
 
     @classmethod
-    def of(cls, scene: SceneData, accuracy: float) -> Budget:
+    def of(cls, scene: SceneData, accuracy: float, basis: str = "bilinear") -> Budget:
         """Tolerances for a scene.
 
         Elements of constant exitance leave an error that falls with the square of their size; a
@@ -100,26 +108,19 @@ class Budget:
         low, high = scene.patches.bounds()
         extent = np.sort(high - low)
         middle = float(extent[1]) if extent[1] > 0.0 else float(extent[2])
-        size = 0.09 * middle * math.sqrt(accuracy / 0.01)
+        size = 0.25 * middle * (accuracy / 0.02) ** (1.0 / 3.0)
         size = min(max(size, middle / 24.0), 0.6 * middle)
-        return cls._with_size(scene, accuracy, size, accuracy, middle)
-
-    def coarser(self, scene: SceneData) -> Budget:
-        """The same with elements half as large again, to see what that changes."""
-        return self._scaled(scene, 1.5)
-
-    def finer(self, scene: SceneData) -> Budget:
-        """The same with elements two thirds as large."""
-        return self._scaled(scene, 1.0 / 1.5)
-
-    def _scaled(self, scene: SceneData, factor: float) -> Budget:
-        # What is misplaced falls with the square of the size, as the error does.
-        misplaced = self.misplaced * factor**2
-        return self._with_size(scene, self.accuracy, factor * self.size, misplaced, self.distance)
+        return cls._with_size(scene, accuracy, size, accuracy, middle, basis)
 
     @classmethod
     def _with_size(
-        cls, scene: SceneData, accuracy: float, size: float, misplaced: float, distance: float
+        cls,
+        scene: SceneData,
+        accuracy: float,
+        size: float,
+        misplaced: float,
+        distance: float,
+        basis: str,
     ) -> Budget:
         patches = scene.patches
         sides = 1 + np.asarray(scene.two_sided, dtype=np.int64)
@@ -138,13 +139,16 @@ class Budget:
             size=size,
             divisions=counts,
             elements=total,
-            receivers=total * NODES**2 + sensors,
+            receivers=total * NODES[basis] ** 2 + sensors,
             most_elements=max(
                 total, min(MAX_ELEMENTS, total + max(MORE_AT_LEAST, int(MORE * total)))
             ),
+            elements_at_most=max(total, MAX_ELEMENTS),
             misplaced=misplaced,
             distance=distance,
-            nodes=NODES,
+            basis=basis,
+            nodes=NODES[basis],
+            moments=min(max(0.1 * accuracy, 1e-6), 1e-2),
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
             lines=int(min(max(5.0 / accuracy, 48), 1024)),
             sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),

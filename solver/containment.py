@@ -58,6 +58,8 @@ class Volumes:
         p = frozen(points)
         check_shape("points", p, (None, 3))
         check_finite("points", p)
+        if not len(self._part_of):
+            return np.full(len(p), -1)
         arrays = (*self._caster.arrays, self._part_of, self._boxes)
         return np.asarray(containing_parts(*arrays, p, _DIRECTIONS))
 
@@ -98,6 +100,8 @@ class Containment:
         x, n = frozen(nodes), frozen(normals)
         check_shape("nodes", x, (None, 3))
         check_shape("normals", n, x.shape)
+        if not len(self._closed.patches):
+            return np.zeros(len(x), dtype=bool)
         # From below the node upwards: its own face is met from behind, a face lying on it from
         # the front, also when it bounds a plate thinner than the distance.
         against = self._closed.any_hit(

@@ -31,6 +31,8 @@ from .topology import bounding_spheres, normal_cones, shape_flags, writable
 ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 512, 16384
 #: How often a partly hidden element is quartered at most.
 LEVELS = 8
+#: Entries of a matrix below which threads cost more than they save.
+SMALL = 1 << 18
 #: Relative rounding of factors of single precision.
 ROUNDING = 2.0**-24
 
@@ -100,6 +102,8 @@ def products(matrix: MatrixArray, light: FloatArray) -> FloatArray:
 
     The same bits for any number of threads.
     """
+    if matrix.size < SMALL:
+        return np.einsum("mn,n...->m...", matrix, light)
     columns = writable(light.reshape(len(light), math.prod(light.shape[1:])).T)
     out = np.empty((len(matrix), len(columns)))
     multiply(matrix, columns, out)

@@ -7,27 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from .budget import Budget
-from .dome import gather
-from .dome_jobs import dome_jobs
+from .containment import Containment
 from .exchange import Rows, Scan, make_sources
+from .exchange import products as multiplied
 from .highlights import Highlights
+from .incident import Gathered, Incidence, Light
+from .iterated import Finer, finer_light, weights_at
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
+from .mesh import Boxes
 from .mesher import Mesher
 from .mirror_light import MirrorLight
+from .mirrors import Reflections
 from .model.arrays import FloatArray, MatrixArray
 from .model.result import luminous
 from .model.scene import SceneData
-from .model.sky import CIESky
 from .model.views import Sensors
 from .radiosity import solve_radiosity
+from .reciprocity import LampShares
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
 from .topology import is_single
-from .web_field import WebField
+from .unknowns import Unknowns
 
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
@@ -40,37 +44,6 @@ BRIGHT = 4.0
 POINT_SHARE = 2.5
 
 
-@dataclass(eq=False)
-class Light:
-    """Direct irradiance by group (m, b) and the variance (m,) of what was sampled."""
-
-    direct: dict[str, FloatArray]
-    variance: FloatArray
-    outside: FloatArray  # (m,) form factor of sky and ground together, and its variance
-    outside_variance: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Gathered:
-    """Light on some receivers; row i of every array is the same receiver.
-
-    Attributes
-    ----------
-    components : dict of (m, b) arrays
-        ``"<group>.direct"`` and ``"<group>.indirect"``. [lx]
-    deviation : (m,) array
-        Standard deviation of what was sampled. [lx]
-    """
-
-    components: dict[str, FloatArray]
-    deviation: FloatArray
-
-    def luminous(self, kind: str = "") -> FloatArray:
-        """Illuminance (m,), of one kind (``"direct"``, ``"indirect"``) or in all. [lx]"""
-        parts = [luminous(v) for name, v in self.components.items() if name.endswith(kind)]
-        return np.asarray(sum(parts, np.zeros(len(self.deviation))))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
     """A scene solved on one mesh.
@@ -81,38 +54,61 @@ class Field:
         The elements and their optical state.
     sources : Sources
         The elements as the kernels see them.
-    factors : (n, n) float32 array
-        Form factors.
+    lifts : (n,) array
+        How far facets may lie before them. [m]
+    unknowns : Unknowns
+        What their reflected light is made of.
+    factors : (N, N) float32 array
+        Form factors between the unknowns.
     row_sums : (n,) array
-        Their raw sums, before any correction.
+        Raw sums of those of the elements, before any correction.
+    kept : (N,) array
+        Sums of those of the unknowns.
     sees_out : bool
         Whether light can leave the scene.
-    light : Gathered
-        Light on the elements.
-    reflected : dict of (n, b) arrays
-        Reflected exitance by light group. [lm/m²]
+    arriving : Gathered
+        Light on the unknowns.
+    sent : dict of (N, b) arrays
+        Reflected exitance of the unknowns by light group. [lm/m²]
+    lamp_shares : LampShares
+        What its elements get of lamps near them.
     misplaced : float
         Share of the reflected light that the elements have in the wrong place.
     """
 
     surfaces: Surfaces
     sources: Sources
+    lifts: FloatArray
+    unknowns: Unknowns
     factors: MatrixArray
     row_sums: FloatArray
+    kept: FloatArray
     sees_out: bool
-    light: Gathered
-    reflected: dict[str, FloatArray]
+    arriving: Gathered
+    sent: dict[str, FloatArray]
+    lamp_shares: LampShares
     misplaced: float = 0.0
 
     @property
-    def all_reflected(self) -> FloatArray:
-        """Reflected exitance (n, b) of all groups. [lm/m²]"""
-        return np.asarray(sum(self.reflected.values(), np.zeros_like(self.surfaces.emitted)))
+    def all_sent(self) -> FloatArray:
+        """Reflected exitance (N, b) of the unknowns, of all groups. [lm/m²]"""
+        nothing = np.zeros((len(self.unknowns), self.surfaces.emitted.shape[1]))
+        return np.asarray(sum(self.sent.values(), nothing))
 
     @property
-    def exitance(self) -> FloatArray:
-        """Emitted and reflected exitance (n, b). [lm/m²]"""
-        return np.asarray(self.surfaces.emitted + self.all_reflected)
+    def exitance_told(self) -> FloatArray:
+        """Exitance (n, b) of the elements that form factors carry: webs are none of it. [lm/m²]"""
+        return np.asarray(self.surfaces.diffuse + self.unknowns.mean(self.all_sent))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorRows:
+    """What the sensors of one grid see: rows to the elements, direct light, and mirrors."""
+
+    asked: Ask
+    rows: Rows
+    light: Light
+    mirrored: Reflections | None
 
 
 class FieldSolver:
@@ -128,54 +124,100 @@ class FieldSolver:
         Whether anything can hide anything.
     stages : Stages
         Receives times, counters and reasons.
+    tester : Containment, optional
+        Of the scene; made here where there is none yet.
     """
 
     def __init__(
-        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+        self,
+        scene: SceneData,
+        blockers: Blockers,
+        *,
+        trace: bool,
+        stages: Stages,
+        tester: Containment | None = None,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         #: All there is is one convex cavity.
         self.in_cavity = is_single(blockers, blockers.hollow)
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
-        self._mesher = Mesher(scene, blockers, trace=trace, stages=stages)
-        self.bands = 1 if scene.is_grey else 3
-        self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
-        self.webs = WebField(scene, blockers, trace=trace, stages=stages)
+        self._incidence = Incidence(scene, blockers, trace=trace, stages=stages)
+        self.mesher = Mesher(scene, blockers, trace=trace, stages=stages, tester=tester)
+        self.bands, self.webs = self._incidence.bands, self._incidence.webs
+        self.lamp_groups = self._incidence.lamp_groups
         self.mirrors = MirrorLight(scene, blockers, self.webs, self.bands, stages)
         self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
-    def solve(self, budget: Budget, *, name: str | None = None) -> Field:
-        """Solve on the mesh of ``budget``; one stage of that ``name``, or several of their own."""
-        with self.stages.run(name or "elements"):
-            elements, misplaced = self._mesher.elements(budget)
+    def solve(self, budget: Budget, boxes: Boxes, misplaced: float = 0.0) -> Field:
+        """Solve on elements over ``boxes``, which have that share of reflected light misplaced."""
+        with self.stages.run("elements"):
+            elements = self.mesher.elements(budget, boxes)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
             sources, lifts = self._sources(budget, surfaces)
-        receivers = Receivers.of_elements(elements)
-        with self.stages.run(name or "form factors") as tell:
-            asked = Ask(budget, receivers, sources, lifts)
+            unknowns = Unknowns.of(elements, budget.basis)
+        of = unknowns.element
+        with self.stages.run("form factors") as tell:
+            asked = Ask(budget, unknowns.receivers, sources, lifts[of])
             rows = self._factors.rows(asked, tell)
-            sees_out = self._sees_out(rows, surfaces.areas > 0.0)
-            row_sums = self._factors.close(rows, 1.0, asked, outside=sees_out)
-        light = Light({}, *np.zeros((3, len(elements))))
-        scanned = rows.outside if self.trace else None
-        self._add_dome(light, receivers, budget, sees_out, name, scanned)
-        self._add_lamps(light, rows, surfaces)
-        light.variance += self.webs.add(light.direct, rows, surfaces, asked, stage=name)
-        mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out, stage=name)
+            sees_out = self._sees_out(rows)
+            raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
+            factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
+        shares = LampShares.of(rows, surfaces, unknowns)
+        light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
+        mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
-            mirrored.into(rows)
-        with self.stages.run(name or "radiosity"):
-            reflected, products = solve_radiosity(
-                rows.factors, surfaces.reflectance, light.direct, accuracy=budget.accuracy
-            )
+            factors = factors + unknowns.evenly(mirrored.rows)
+        with self.stages.run("radiosity"):
+            rho = surfaces.reflectance[of]
+            sent, products = solve_radiosity(factors, rho, light.direct, accuracy=budget.accuracy)
+            indirect = {group: multiplied(factors, values) for group, values in sent.items()}
         self.stages.count({"matrix_products": products})
-        gathered = self._gathered(light, rows, surfaces, reflected)
+        exitance = surfaces.diffuse + sum(unknowns.mean(values) for values in sent.values())
         return Field(
-            surfaces, sources, rows.factors, row_sums, sees_out, gathered, reflected, misplaced
+            surfaces=surfaces,
+            sources=sources,
+            lifts=lifts,
+            unknowns=unknowns,
+            factors=factors,
+            row_sums=unknowns.mean(raw),
+            kept=self.mirrors.kept(rows, mirrored, surfaces),
+            sees_out=sees_out,
+            arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
+            sent=sent,
+            lamp_shares=shares,
+            misplaced=misplaced,
         )
 
-    def gather(self, grid: Sensors, budget: Budget, field: Field) -> Gathered:
-        """Direct light at the sensors themselves, indirect light from the elements."""
+    def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
+        """Its light known more finely, where it matters for the sensors; see `iterated`."""
+        surfaces, unknowns = field.surfaces, field.unknowns
+
+        def gathered(some: Unknowns) -> tuple[Gathered, FloatArray]:
+            asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
+            rows = self._factors.rows(asked)
+            self._factors.close(rows, 1.0, asked, outside=field.sees_out)
+            light = self._incidence.on(
+                asked, rows, surfaces, some, field.lamp_shares, sees_out=field.sees_out
+            )
+            mirrored = self.mirrors.add(light, rows, surfaces, asked, field.sees_out)
+            sent = np.concatenate([*field.sent.values()], axis=1)
+            how = (asked.receivers, field.sources, budget.moments)
+            indirect = unknowns.gather(rows, *how, sent)
+            if mirrored is not None:
+                indirect = indirect + multiplied(mirrored.rows, unknowns.mean(sent))
+            by_group = np.split(indirect, len(field.sent), axis=1)
+            variance = variance_of(rows, mirrored, luminous(field.exitance_told))
+            found = Gathered.of(light, dict(zip(field.sent, by_group, strict=True)), variance)
+            return found, self.mirrors.kept(rows, mirrored, surfaces)
+
+        weights = weights_at([s.rows.factors for s in seen], surfaces.areas)
+        with self.stages.run("iterated gather"):
+            finer = finer_light(field, budget, weights, gathered)
+        self.stages.count({"unknowns_checked": len(finer.unknowns) - len(unknowns)})
+        return finer
+
+    def seen(self, grid: Sensors, budget: Budget, field: Field) -> SensorRows:
+        """What sensors see, and direct light at the sensors themselves."""
         receivers = Receivers.of_sensors(grid)
         # No average over nodes and bounces hides the sampling of a single sensor.
         sources = field.sources
@@ -188,41 +230,50 @@ class FieldSolver:
         with self.stages.run("sensors") as tell:
             asked = Ask(budget, receivers, fine, share=FINE_SHARE)
             rows = self._factors.rows(asked, tell)
-        light = Light({}, *np.zeros((3, len(grid))))
-        self._add_dome(light, receivers, budget, field.sees_out, None)
+        light = self._incidence.from_outside(receivers, budget, field.sees_out)
         if not field.sees_out or {"sky", "ground"} <= set(light.direct):
             totals = 1.0 - light.outside
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
-        self._add_lamps(light, rows, field.surfaces)
-        light.variance += self.webs.add(light.direct, rows, field.surfaces, asked, fine=True)
-        seen = self.highlights.seen(rows, field)
+        self._incidence.add_lamps(light, asked, rows, field.surfaces)
         mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out, fine=True)
-        if mirrored is not None:
-            mirrored.into(rows)
-        gathered = self._gathered(light, rows, field.surfaces, field.reflected)
-        return self.highlights.added(gathered, grid, seen, field, budget)
+        return SensorRows(asked, rows, light, mirrored)
 
-    def gather_indirect(self, grid: Sensors, budget: Budget, field: Field) -> FloatArray:
-        """Indirect illuminance (m,) alone, for comparing meshes. [lx]"""
-        with self.stages.run("mesh check") as tell:
-            asked = Ask(budget, Receivers.of_sensors(grid), field.sources)
-            rows = self._factors.rows(asked, tell)
-            if self.mirrors.any:
-                how = {"fine": True, "lamps": False}
-                self.mirrors.reflect(rows, field.surfaces, asked, **how).into(rows)
-        return luminous(rows.gather(field.all_reflected)) + self.highlights.known(grid)
+    def gather(
+        self, grid: Sensors, seen: SensorRows, field: Field, finer: Finer
+    ) -> tuple[Gathered, FloatArray]:
+        """Light at sensors, and by how much (m,) the finer light changed the indirect part. [lx]"""
+        asked, columns = seen.asked, [*finer.sent.values(), finer.change]
+        with self.stages.run("sensors"):
+            found = finer.unknowns.gather(
+                seen.rows,
+                asked.receivers,
+                asked.sources,
+                asked.budget.moments,
+                np.concatenate(columns, axis=1),
+            )
+            if seen.mirrored is not None:
+                means = finer.unknowns.mean(np.concatenate(columns, axis=1))
+                found = found + multiplied(seen.mirrored.rows, means)
+        *parts, change = np.split(found, len(columns), axis=1)
+        indirect = dict(zip(finer.sent, parts, strict=True))
+        variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
+        gathered = Gathered.of(seen.light, indirect, variance)
+        budget = asked.budget
+        gathered = self.highlights.added(gathered, grid, seen.rows, field, finer, budget)
+        return gathered, np.abs(luminous(change))
 
-    def _gathered(
-        self, light: Light, rows: Rows, surfaces: Surfaces, reflected: dict[str, FloatArray]
-    ) -> Gathered:
-        components = {}
-        exitance = surfaces.diffuse
-        for group, direct in light.direct.items():
-            components[f"{group}.direct"] = direct
-            components[f"{group}.indirect"] = rows.gather(reflected[group])
-            exitance += reflected[group]
-        sampled = rows.variance_of(luminous(exitance)) + light.variance
-        return Gathered(components, np.sqrt(sampled))
+    def _sees_out(self, rows: Rows) -> bool:
+        """Whether light may leave the scene anywhere, beyond what sampling explains."""
+        if self.in_cavity:
+            return False
+        missing = 1.0 - rows.sums[:, 0]
+        noise = 3.0 * np.sqrt(rows.sums[:, 1]) + 1e-4
+        leaves = missing > noise
+        if self.trace:
+            # What the meridians met is known besides: a row that meets something on all of them
+            # is closed, however its factors add up.
+            leaves &= rows.outside[:, 1] + rows.outside[:, 2] > 1e-6
+        return bool(leaves.any())
 
     def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
         """Elements as sources, and how far their facets leave them.
@@ -250,68 +301,8 @@ class FieldSolver:
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
         return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
 
-    def _sees_out(self, rows: Rows, lit: np.ndarray) -> bool:
-        """Whether light may leave the scene anywhere, beyond what sampling explains."""
-        if self.in_cavity:
-            return False
-        missing = 1.0 - rows.sums[lit, 0]
-        noise = 3.0 * np.sqrt(rows.sums[lit, 1]) + 1e-4
-        leaves = missing > noise
-        if self.trace:
-            # What the meridians met is known besides: a row that meets something on all of them
-            # is closed, however its factors add up.
-            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
-        return bool(leaves.any())
 
-    def _add_lamps(self, light: Light, rows: Rows, surfaces: Surfaces) -> None:
-        """Put the direct light of the luminaires before that of sky, sun and ground."""
-        lamps = {
-            group: rows.gather(surfaces.emitted_by(self.scene, group)) for group in self.lamp_groups
-        }
-        light.direct = {**lamps, **light.direct}
-
-    def _add_dome(
-        self,
-        light: Light,
-        receivers: Receivers,
-        budget: Budget,
-        sees_out: bool,
-        stage: str | None,
-        scanned: FloatArray | None = None,
-    ) -> None:
-        """Add the direct light of sky, sun and ground.
-
-        Sky and ground are traced by pyramids unless ``scanned`` (m, 5) tells what the meridians of
-        `form_factor_matrix` saw of them.
-        """
-        scene, stages, trace = self.scene, self.stages, self.trace
-        for name, cells, luminance, cell_eps, color in dome_jobs(scene, budget, self.bands):
-            if not sees_out and self.stages.skipped.get("visibility") != "switched off":
-                stages.skipped[name] = "nothing sees out of the scene"
-                light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
-                continue
-            if scanned is not None and name != "sun":
-                column, spread = (0, 3) if name == "sky" else (2, 4)
-                brightness = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)
-                light.direct[name] = brightness * scanned[:, column, None] * color
-                light.variance += brightness**2 * scanned[:, spread]
-                continue
-            with stages.run(stage or name) as tell:
-                found = gather(
-                    receivers.nodes,
-                    receivers.normals,
-                    receivers.weights,
-                    cells,
-                    luminance,
-                    self.blockers,
-                    eps=budget.eps,
-                    cell_eps=cell_eps,
-                    trace=trace,
-                    progress=tell,
-                )
-            stages.count(found.counters)
-            light.direct[name] = found.illuminance[:, None] * color
-            light.variance += found.deviation**2
-            if name != "sun":
-                light.outside += found.factor
-                light.outside_variance += found.factor_variance
+def variance_of(rows: Rows, mirrored: Reflections | None, sent: FloatArray) -> FloatArray:
+    """Variance (m,) of what rows, and mirrors, gather when the elements send ``sent`` (n,)."""
+    found = rows.variance_of(sent)
+    return found if mirrored is None else found + multiplied(mirrored.variances, sent**2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,14 +10,15 @@ import numpy as np
 
 from .budget import Budget
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import bernstein, bernstein_derivative
+from .model.bezier import bernstein, bernstein_derivative, gauss_rule
 from .model.result import luminous
 from .model.views import Sensors
 from .raycast import RayCaster
 from .second_pass import SecondPass
 
 if TYPE_CHECKING:
-    from .field import Field, Gathered
+    from .field import Field
+    from .incident import Gathered
 
 #: Form factor of a glossy element that does not matter.
 _LEAST = 1e-7
@@ -91,15 +93,20 @@ class SensorLobes:
 
     def __init__(self, second: SecondPass, field: Field, budget: Budget) -> None:
         self.second, self.budget = second, budget
-        self.elements = elements = field.surfaces.elements
+        self.elements = elements = second.surfaces.elements
         where = (elements.patch_index, elements.side)
         self.specular = second.sides.specular[where]
         self.exponent = second.sides.exponent[where]
         self.glossy = np.flatnonzero(self.specular.any(axis=1))
-        parts = field.light.components
-        self.irradiance = np.stack(
+        parts, unknowns = field.arriving.components, field.unknowns
+        self._arriving = np.stack(
             [parts[f"{g}.direct"] + parts[f"{g}.indirect"] for g in second.groups], axis=1
         )
+        self._mean = unknowns.mean(self._arriving)
+        count = np.bincount(unknowns.element, minlength=len(elements))
+        self._first = np.searchsorted(unknowns.element, np.arange(len(elements)))
+        self._order = math.isqrt(int(count.max(initial=1)))
+        self._whole = count == self._order**2
         self.caster = RayCaster(second.scene.patches)
 
     def change(
@@ -112,7 +119,7 @@ class SensorLobes:
         groups, bands = self.second.groups, self.second.bands
         out, variance = np.zeros((len(grid), len(groups), bands)), np.zeros(len(grid))
         tolerance = _CUT * self.budget.accuracy * np.maximum(gathered.luminous(), 1e-300)
-        cells, parents = self._first(seen)
+        cells, parents = self._begin(seen)
         count = 0
         for level in range(_LEVELS + 1):
             if not len(cells):
@@ -136,7 +143,23 @@ class SensorLobes:
             parents = np.repeat(np.arange(len(cells) // 4), 4)
         return out, variance, count
 
-    def _first(self, seen: FloatArray) -> tuple[Cells, IntArray]:
+    def _irradiance(self, element: IntArray, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Illuminance (k, g, b) at places (k,) on elements, or its mean where nodes lack. [lx]"""
+        out = self._mean[element]
+        whole = np.flatnonzero(self._whole[element])
+        own = element[whole]
+        u0, u1, v0, v1 = self.elements.boxes[own].T
+        share_u = _between((u[whole] - u0) / (u1 - u0), self._order)
+        share_v = _between((v[whole] - v0) / (v1 - v0), self._order)
+        # Nets of − sides run the other way along u.
+        back = self.elements.side[own] == 1
+        share_u[back] = share_u[back, ::-1]
+        shares = (share_u[:, :, None] * share_v[:, None, :]).reshape(len(own), -1)
+        rows = self._first[own][:, None] + np.arange(self._order**2)
+        out[whole] = np.einsum("kq,kqgb->kgb", shares, self._arriving[rows])
+        return out
+
+    def _begin(self, seen: FloatArray) -> tuple[Cells, IntArray]:
         """Cells to begin with, and the row of sensor and element that each belongs to."""
         sensor, column = np.nonzero(seen > _LEAST)
         element, factor = self.glossy[column], seen[sensor, column]
@@ -208,15 +231,26 @@ class SensorLobes:
         light = np.zeros((*weight.shape, len(second.groups), second.bands))
         rows = np.nonzero(weight > 0.0)
         element = cells.element[rows[0]]
-        before = self.irradiance[element] / np.pi
+        before = self._irradiance(element, u[rows], v[rows]) / np.pi
         found, albedo = second.lobes(
             at[rows], normal[rows], away[rows], self.exponent[element],
-            luminous(before.sum(axis=1)),
+            np.abs(luminous(before.sum(axis=1))),
             accuracy=_LAMPS * self.budget.accuracy, rays=_RAYS, by_group=True,
         )  # fmt: skip
         change = self.specular[element][:, None, :] * (found - albedo[:, None, None] * before)
         light[rows] = change
         return light, weight
+
+
+def _between(t: FloatArray, order: int) -> FloatArray:
+    """Shares (k, order) of Gauss nodes on [0, 1] in what is at ``t`` (k,), by Lagrange."""
+    nodes = gauss_rule(order)[0]
+    out = np.ones((len(t), order))
+    for a in range(order):
+        for b in range(order):
+            if a != b:
+                out[:, a] *= (t - nodes[b]) / (nodes[a] - nodes[b])
+    return out
 
 
 def points_of(

@@ -12,15 +12,17 @@ from .exchange import Rows
 from .glossy_sensors import SensorLobes
 from .mirrors import Mirrors
 from .model.arrays import FloatArray
-from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .second_pass import GlossySides, SecondPass
 from .stages import Stages
+from .surfaces import Surfaces
 from .web_field import WebField
 
 if TYPE_CHECKING:
-    from .field import Field, Gathered
+    from .field import Field
+    from .incident import Gathered
+    from .iterated import Finer
 
 
 class Highlights:
@@ -46,49 +48,46 @@ class Highlights:
         self.scene, self.mirrors, self.webs = scene, mirrors, webs
         self.trace, self.stages = trace, stages
         self.any = GlossySides(scene, 3).any
-        self._change: dict[str, FloatArray] = {}
         if not self.any:
             stages.skipped["second pass"] = "nothing is glossy"
 
-    def second_pass(self, field: Field, budget: Budget) -> SecondPass:
+    def second_pass(self, surfaces: Surfaces, finer: Finer, budget: Budget) -> SecondPass:
         """Light in lobes, with the solution as it is."""
         return SecondPass(
             self.scene,
-            field.surfaces,
-            field.reflected,
+            surfaces,
+            {group: finer.unknowns.mean(sent) for group, sent in finer.sent.items()},
             mirrors=self.mirrors.shares,
             webs=self.webs.lamps(budget.accuracy),
             trace=self.trace,
         )
 
-    def for_pictures(self, field: Field, budget: Budget) -> SecondPass | None:
+    def for_pictures(self, surfaces: Surfaces, finer: Finer, budget: Budget) -> SecondPass | None:
         """The same, or nothing where nothing is glossy."""
-        return self.second_pass(field, budget) if self.any else None
+        return self.second_pass(surfaces, finer, budget) if self.any else None
 
-    def seen(self, rows: Rows, field: Field) -> FloatArray:
-        """Form factors (m, k) of glossy elements; to be asked before mirrors are in ``rows``."""
-        if not self.any:
-            return np.zeros((len(rows.factors), 0))
-        surfaces = field.surfaces
+    def _seen(self, rows: Rows, surfaces: Surfaces) -> FloatArray:
+        """Form factors (m, k) of glossy elements."""
         where = (surfaces.elements.patch_index, surfaces.elements.side)
         sides = GlossySides(self.scene, surfaces.reflectance.shape[1])
         return np.asarray(rows.factors[:, sides.specular[where].any(axis=1)], dtype=np.float64)
 
-    def known(self, grid: Sensors) -> FloatArray | float:
-        """What lobes changed (m,) at the sensors when they were last asked for. [lx]"""
-        return self._change.get(grid.name, 0.0)
-
     def added(
-        self, gathered: Gathered, grid: Sensors, seen: FloatArray, field: Field, budget: Budget
+        self,
+        gathered: Gathered,
+        grid: Sensors,
+        rows: Rows,
+        field: Field,
+        finer: Finer,
+        budget: Budget,
     ) -> Gathered:
         """Light at sensors, with glossy surfaces that they see sending it by the lobe."""
         if not self.any:
             return gathered
         with self.stages.run("second pass"):
-            lobes = SensorLobes(self.second_pass(field, budget), field, budget)
-            change, variance, count = lobes.change(grid, seen, gathered)
+            lobes = SensorLobes(self.second_pass(field.surfaces, finer, budget), field, budget)
+            change, variance, count = lobes.change(grid, self._seen(rows, field.surfaces), gathered)
         self.stages.count({"glossy_points": count})
-        self._change[grid.name] = luminous(change.sum(axis=1))
         parts = dict(gathered.components)
         for k, group in enumerate(lobes.second.groups):
             parts[f"{group}.indirect"] = parts[f"{group}.indirect"] + change[:, k]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .exchange import products
-from .model.arrays import FloatArray, IntArray, MatrixArray
+from .model.arrays import FloatArray, IntArray
 from .model.result import Balance, luminous
 from .model.scene import SceneData
 
@@ -27,7 +26,7 @@ def ledger_warning(balance: Balance) -> tuple[str, ...]:
 def make_balance(
     scene: SceneData,
     areas: FloatArray,
-    factors: MatrixArray,
+    kept: FloatArray,
     reflectance: FloatArray,
     emitted: FloatArray,
     reflected: FloatArray,
@@ -40,24 +39,23 @@ def make_balance(
     """Add up fluxes over the elements.
 
     What leaves an element and meets no other one has escaped: 1 − Σ_j F_ij of it. The residual is
-    then Σ_ij (A_j F_ji − A_i F_ij) B_j, the failure of reciprocity of the form factors. What
-    mirrors send on counts where it comes to, by way of mirrors, and not at the mirrors.
+    then Σ_ij (A_j F_ji − A_i F_ij) B_j, the failure of reciprocity of the form factors.
 
     Parameters
     ----------
     areas : (n,) array
         Areas that take part in the exchange. [m²]
-    factors : (n, n) array
-        Form factors.
+    kept : (n,) array
+        Share of the light leaving each that meets the scene again, Σ_j F_ij.
     reflectance, emitted, reflected, irradiance, entered : (n, b) array
         By band; ``entered`` is the irradiance from sky, sun and ground.
     material, lamp : (n,) int array
         Material and luminaire of each element.
     mirrored : (n,) array
-        Share of the light that each element mirrors.
+        Share of the light on each that it mirrors: that counts where it comes to.
     """
-    kept = 1.0 - mirrored
-    absorbed = luminous((kept[:, None] - reflectance) * irradiance) * areas
+    stays = 1.0 - mirrored
+    absorbed = luminous((stays[:, None] - reflectance) * irradiance) * areas
     leaving = luminous(emitted + reflected) * areas
     names = [m.name or f"material {k + 1}" for k, m in enumerate(scene.materials)]
     by_material: dict[str, float] = {}
@@ -72,9 +70,9 @@ def make_balance(
         by_group[group] = by_group.get(group, 0.0) + float(source[lamp == row].sum())
     return Balance(
         emitted_lm=float(source.sum()),
-        entered_lm=float((luminous(entered) * areas) @ kept),
+        entered_lm=float((luminous(entered) * areas) @ stays),
         absorbed_lm=float(absorbed.sum()),
-        escaped_lm=float(leaving @ (1.0 - products(factors, kept))),
+        escaped_lm=float(leaving @ (1.0 - kept)),
         absorbed_by_material=by_material,
         emitted_by_group=by_group,
     )

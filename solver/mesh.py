@@ -73,6 +73,18 @@ class Boxes:
         """Some of them."""
         return Boxes(self.patch[rows], self.side[rows], self.ends[rows])
 
+    def halved(self, axis: IntArray) -> Boxes:
+        """Both halves of every box, cut across u where ``axis`` (n,) is 0, across v where 1."""
+        return self.cut(axis, np.full(len(self), 0.5))
+
+    def cut(self, axis: IntArray, place: FloatArray) -> Boxes:
+        """Both parts of every box, cut across ``axis`` at ``place`` (n,), 0 … 1 of its length."""
+        rows, ends = np.arange(len(self)), np.repeat(self.ends[:, None], 2, axis=1)
+        low, high = self.ends[rows, 2 * axis], self.ends[rows, 2 * axis + 1]
+        middle = low + (high - low) * place
+        ends[rows, 0, 2 * axis + 1] = ends[rows, 1, 2 * axis] = middle
+        return Boxes(np.repeat(self.patch, 2), np.repeat(self.side, 2), ends.reshape(-1, 4))
+
     def joined(self, others: Boxes) -> tuple[Boxes, IntArray]:
         """These and ``others``, sorted, and the row of each when one follows the other."""
         both = Boxes(

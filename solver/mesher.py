@@ -12,6 +12,7 @@ from .direct_light import DirectLight
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
+from .model.arrays import FloatArray
 from .model.elements import Elements
 from .model.scene import SceneData
 from .refinement import Refiner
@@ -23,8 +24,10 @@ from .surfaces import reflectances
 CONTACT = 1e-5
 #: Shining patches that are never too many to look where their light changes.
 MANY_LAMPS = 200
+#: Share of what is wrong with the light of a mesh, in the elements that are halved.
+CUT_SHARE = 0.6
 #: Elements smaller than this share of the aimed size get a single node.
-SMALL = 0.2
+SMALL = 0.1
 
 
 class Mesher:
@@ -40,22 +43,26 @@ class Mesher:
         Whether anything can hide anything.
     stages : Stages
         Receives counters.
+    tester : Containment, optional
+        Of the scene; made here where there is none yet.
     """
 
     def __init__(
-        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+        self,
+        scene: SceneData,
+        blockers: Blockers,
+        *,
+        trace: bool,
+        stages: Stages,
+        tester: Containment | None = None,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
-        self._containment = Containment(scene)  # the same for every mesh
+        self._containment = Containment(scene) if tester is None else tester
         self._refiner: Refiner | None = None
 
-    def elements(self, budget: Budget) -> tuple[Elements, float]:
-        """Elements of the size that ``budget`` asks for, or smaller.
-
-        Also the share of the reflected light that they have in the wrong place.
-        """
+    def elements(self, budget: Budget, boxes: Boxes) -> Elements:
+        """Elements over ``boxes``."""
         scene = self.scene
-        boxes, misplaced = self.boxes(budget)
         small = (SMALL * budget.size) ** 2
         elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
         low, high = scene.patches.bounds()
@@ -63,10 +70,13 @@ class Mesher:
         buried = self._containment.buried(
             elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3), distance
         )
-        return replace(elements, buried=buried.reshape(elements.weights.shape)), misplaced
+        return replace(elements, buried=buried.reshape(elements.weights.shape))
 
     def boxes(self, budget: Budget) -> tuple[Boxes, float]:
-        """The parameter boxes of these elements, and the same share."""
+        """Boxes of the size that ``budget`` asks for, or smaller.
+
+        Also the share of the reflected light that elements over them have in the wrong place.
+        """
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
         lamps = int((self.scene.luminaire_index >= 0).sum())
@@ -93,3 +103,25 @@ class Mesher:
         cut, misplaced = self._refiner.refine(boxes, budget.misplaced, most)
         self.stages.count({"elements_added": len(cut) - len(boxes)})
         return cut, misplaced
+
+    def misplaced(self, boxes: Boxes, otherwise: float) -> float:
+        """Share of the reflected light in the wrong place on ``boxes``, where that is known."""
+        if self._refiner is None:
+            return otherwise
+        return self._refiner.refine(boxes, 1.0, len(boxes))[1]
+
+    def cut(self, boxes: Boxes, wrong: FloatArray, budget: Budget) -> Boxes:
+        """Halve the boxes that hold most of what is ``wrong`` (n, 2), where it varies most.
+
+        No more boxes are made than the budget allows.
+        """
+        total = wrong.sum(axis=1)
+        order = np.argsort(-total, kind="stable")
+        count = int(np.searchsorted(np.cumsum(total[order]), CUT_SHARE * total.sum())) + 1
+        count = min(count, int((total > 0.0).sum()), budget.elements_at_most - len(boxes))
+        if count <= 0:
+            return boxes
+        chosen = np.sort(order[:count])
+        halves = boxes.take(chosen).halved(np.argmax(wrong[chosen], axis=1))
+        kept = np.setdiff1d(np.arange(len(boxes)), chosen)
+        return boxes.take(kept).joined(halves)[0]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .dome import gather
 from .elements_by_side import elements_by_side
-from .exchange import Rows, form_factor_matrix, make_sources
+from .exchange import Rows, form_factor_matrix, make_sources, products
 from .images import TOUCH, Pieces, Plane, Window, pieces_before, windows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray, frozen
@@ -65,13 +65,6 @@ class Reflections:
     lamps: FloatArray
     lamp_variances: FloatArray
     away: dict[str, tuple[FloatArray, FloatArray]]
-
-    def into(self, rows: Rows) -> None:
-        """Add to rows, in place, so that what they gather from has come by mirrors too."""
-        rows.factors[...] += self.rows
-        rows.variances[...] += self.variances
-        rows.sums[:, 0] += self.rows.sum(axis=1)
-        rows.sums[:, 1] += self.variances.sum(axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,6 +133,13 @@ class Mirrors:
         """Share (n,) of the light that each element mirrors."""
         elements = surfaces.elements
         return np.asarray(self.shares[elements.patch_index, elements.side])
+
+    def kept(self, rows: Rows, mirrored: Reflections | None, surfaces: Surfaces) -> FloatArray:
+        """Share (m,) of what the receivers send that stays in the scene, wherever it comes to."""
+        if mirrored is None:
+            return np.asarray(rows.sums[:, 0])
+        stays = 1.0 - self.share_of(surfaces)
+        return products(rows.factors, stays) + products(mirrored.rows, stays)
 
     def _find_windows(self) -> None:
         """Outlines of flat mirrors, the largest first, as many as are looked through."""

@@ -19,14 +19,15 @@ _SAMPLES = 8
 _LEAST_SHARE = 0.01
 
 
-def check_placement(scene: SceneData) -> tuple[str, ...]:
+def check_placement(scene: SceneData, tester: Containment | None = None) -> tuple[str, ...]:
     """One line for each lamp, camera and sensor grid in a place where it makes no sense.
 
     Inside a solid; outside the model; outside the air of a scene that declares which parts are air.
+    ``tester`` is made here where there is none yet.
     """
     if not len(scene.patches):
         return ()
-    tester = Containment(scene)
+    tester = Containment(scene) if tester is None else tester
     low, high = scene.patches.bounds()
     distance = _RELATIVE_DISTANCE * float(np.linalg.norm(high - low))
     air = Volumes.of_air(scene)

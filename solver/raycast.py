@@ -158,6 +158,8 @@ def _pieces(nets: FloatArray, kinds: IntArray) -> tuple[IntArray, FloatArray, Fl
 def _cut_boxes(nets: FloatArray, k: int) -> FloatArray:
     """Boxes (n, k², 6) around the control points of k x k pieces, u-major. [m]"""
     out = np.empty((len(nets), k * k, 6))
+    if not len(nets):
+        return out
     for i in range(k):
         for j in range(k):
             piece = sub_net(nets, i / k, (i + 1) / k, j / k, (j + 1) / k) if k > 1 else nets

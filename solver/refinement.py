@@ -1,9 +1,9 @@
 """Boxes cut where direct light changes.
 
-An element sends light on as if it came evenly from all of it. What of the reflected light is then
-in the wrong place, ρ ∫ |E − Ē| dA, matters as far as it is moved against the distance to what it
-falls on: by h/d of it where d is large, and wholly in a gap that is narrower than the element.
-What the few nodes of the element make of its mean is wrong besides.
+An element sends light on as if it varied bilinearly between its nodes. What of the reflected light
+is then in the wrong place, ρ ∫ |E − E'| dA, matters as far as it is moved against the distance to
+what it falls on: by h/d of it where d is large, and wholly in a gap that is narrower than the
+element. What the few nodes of the element make of its mean is wrong besides.
 Light that changes gradually is left to the size of the mesh; what stands out is cut, until what is
 misplaced in all is the share that the accuracy allows. Each cut is put where it leaves the least
 variance on both sides, as in regression trees [1]: so that it finds the edge of a shadow, or of the
@@ -19,16 +19,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from .budget import NODES
 from .direct_light import DirectLight
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import gauss_rule, surface_points
 from .model.patches import PatchSet
+from .unknowns import lagrange
 
 #: Gauss points a direction at which the light in a box is looked at: what lies within a fourteenth
 #: of it from its sides is not seen.
 LOOK = gauss_rule(4)
+#: The nodes of an element, and light at the points by that at the nodes.
+NODES = gauss_rule(2)
+_ALONG = lagrange(NODES[0], 1, LOOK[0])
+BETWEEN = np.einsum("ga,hb->ghab", _ALONG, _ALONG).reshape(len(LOOK[0]) ** 2, -1)
 #: Equal parts a direction between which a box is cut.
 CUT = 8
 #: Weight of light that the nodes add or lose against light in the wrong place: it is wrong for all
@@ -86,11 +90,11 @@ class Refiner:
     def _judge(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
         """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]"""
         light, nearness, areas, lengths = self._light(boxes, *LOOK)
-        told, _, shares, _ = self._light(boxes, *gauss_rule(NODES))
+        told, _, shares, _ = self._light(boxes, *NODES)
         total = areas.sum(axis=1)
         mean = np.einsum("nk,nk->n", light, areas) / total
         lost = np.abs(np.einsum("nk,nk->n", told, shares) / shares.sum(axis=1) - mean) * total
-        off = np.einsum("nk,nk->n", np.abs(light - mean[:, None]), areas)
+        off = np.einsum("nk,nk->n", np.abs(light - told @ BETWEEN.T), areas)
         near = 1.0 / self.distance + np.einsum("nk,nk->n", nearness, areas) / total
         moved = off * np.minimum(1.0, lengths.max(axis=1) * near)
         rho = self.reflectance[boxes.patch, boxes.side]
@@ -100,12 +104,7 @@ class Refiner:
         """Both parts of every box, one after the other."""
         light, _, areas, _ = self._light(boxes, *_equal(CUT))
         axis, place = best_cut(light.reshape(-1, CUT, CUT), areas.reshape(-1, CUT, CUT))
-        rows, ends = np.arange(len(boxes)), np.repeat(boxes.ends[:, None], 2, axis=1)
-        low, high = boxes.ends[rows, 2 * axis], boxes.ends[rows, 2 * axis + 1]
-        middle = low + (high - low) * (place / CUT)
-        ends[rows, 0, 2 * axis + 1] = ends[rows, 1, 2 * axis] = middle
-        patch, side = np.repeat(boxes.patch, 2), np.repeat(boxes.side, 2)
-        return Boxes(patch, side, ends.reshape(-1, 4))
+        return boxes.cut(axis, place / CUT)
 
     def _light(
         self, boxes: Boxes, t: FloatArray, weight: FloatArray

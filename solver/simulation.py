@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .budget import Budget
+from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
-from .field import FINE_SHARE, Field, FieldSolver, Gathered
+from .field import Field, FieldSolver
+from .incident import Gathered
+from .iterated import Finer
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import check_memory, fits
-from .mesh_check import MeshError, element_shift, left_of_change
+from .mesh import Boxes
+from .mesh_error import MeshError
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .placement import check_placement
+from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
 from .topology import is_single, make_blockers
 
-#: How often the mesh is made finer where the accuracy asked for is not reached, and the elements
-#: beyond which it is not.
-REFINEMENTS = 2
-REFINED_ELEMENTS = 2500
+#: How often the mesh is cut further where the accuracy asked for is not reached.
+REFINEMENTS = 3
 
 
 def estimate_seconds(scene: SceneData, accuracy: float = 0.01) -> float:
@@ -91,6 +96,18 @@ def _set_threads(threads: int) -> int:
     return set_threads(threads)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solved:
+    """A mesh, what was found on it, and the sensors with and without the error of the mesh."""
+
+    field: Field
+    finer: Finer
+    balance: Balance
+    error: MeshError
+    sensors: dict[str, SensorResult]
+    without_mesh: dict[str, SensorResult]
+
+
 class _Simulation:
     """One run; each method is a stage."""
 
@@ -107,122 +124,79 @@ class _Simulation:
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
             blockers = make_blockers(scene.patches, scene.closed, scene.patches.part_index)
-            stages.warnings.extend(check_placement(scene))
+            tester = Containment(scene)
+            stages.warnings.extend(check_placement(scene, tester))
         self._say_skipped(blockers)
         trace = "visibility" not in stages.skipped
-        solver = FieldSolver(scene, blockers, trace=trace, stages=stages)
-        field, grids, shifts, surface_shift = self._solved(solver, None)
-        sensors = self._sensors(grids, shifts)
-        for _ in range(REFINEMENTS):
-            finer = self.budget.finer(scene)
-            if (
-                self._converged(sensors)
-                or finer.elements > REFINED_ELEMENTS
-                or finer.size >= 0.9 * self.budget.size
-                or not self._converged(self._sensors(grids, {}))
-            ):
-                break  # it is good enough, too large, or not for the mesh that it is not
-            if not fits(finer.elements, self.largest_grid):
-                stages.warnings.append(
-                    f"the mesh was not made finer than {self.budget.elements} elements: the memory "
-                    f"that is free does not hold {finer.elements}"
-                )
-                break
-            self.budget = finer
-            field, grids, shifts, surface_shift = self._solved(solver, field)
-            sensors = self._sensors(grids, shifts)
-        budget = self.budget
+        solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester)
+        solved = self._solved(solver)
+        field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
-        light = field.light
-        images = self._images(field, solver)
+        light = finer.light
+        images = self._images(field, finer, solver)
         self._warn_dark(sensors, light.luminous())
-        balance = self._balance(field, solver)
-        stages.warnings.extend(ledger_warning(balance))
+        stages.warnings.extend(ledger_warning(solved.balance))
+        on_elements = solved.error.of(*_indirect(light, solver.lamp_groups), finer.shift)
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
             components=light.components,
-            exitance=field.exitance,
-            element_error_lx=_error(light, surface_shift, budget.eps),
+            exitance=field.surfaces.emitted + finer.reflected,
+            element_error_lx=_error(light, on_elements, self.budget.eps),
             sensors=sensors,
             images=images,
-            balance=balance,
+            balance=solved.balance,
             row_sums=field.row_sums,
             stages=stages.seconds,
             skipped=stages.skipped,
             counters=stages.counters,
-            settings={**budget.settings, "visibility": self.visibility, "bands": solver.bands},
+            settings={**self.budget.settings, "visibility": self.visibility, "bands": solver.bands},
             warnings=tuple(stages.warnings),
             converged=self._converged(sensors),
         )
 
     def _count(self, field: Field) -> None:
         elements, counters = field.surfaces.elements, self.stages.counters
+        counters["unknowns"] = len(field.unknowns)
         counters["patches"], counters["elements"] = len(self.scene.patches), len(elements)
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(
-        self, solver: FieldSolver, coarse: Field | None
-    ) -> tuple[Field, dict[str, Gathered], dict[str, FloatArray], FloatArray]:
-        """Light on the mesh of the budget and at the sensors, and what a coarser mesh changes."""
+    def _solved(self, solver: FieldSolver) -> _Solved:
+        """Light on the mesh of the budget, cut further where its error is too large."""
+        boxes, misplaced = solver.mesher.boxes(self.budget)
+        solved = self._on(solver, boxes, misplaced)
+        for _ in range(REFINEMENTS):
+            if self._converged(solved.sensors) or not self._converged(solved.without_mesh):
+                break  # it is good enough, or not for the mesh that it is not
+            finer = solver.mesher.cut(boxes, solved.finer.residual, self.budget)
+            if len(finer) == len(boxes):
+                break
+            if not fits(len(finer), self.largest_grid):
+                self.stages.warnings.append(
+                    f"the mesh was not made finer than {len(boxes)} elements: the memory that is "
+                    f"free does not hold {len(finer)}"
+                )
+                break
+            boxes, misplaced = finer, solver.mesher.misplaced(finer, misplaced)
+            solved = self._on(solver, boxes, misplaced)
+        return solved
+
+    def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> _Solved:
+        """Light on one mesh, and at the sensors."""
         budget = self.budget
-        field = solver.solve(budget, name=None if coarse is None else "finer mesh")
-        grids = {grid.name: solver.gather(grid, budget, field) for grid in self.scene.sensors}
-        return field, grids, *self._mesh_check(solver, field, grids, coarse)
-
-    def _sensors(
-        self, grids: dict[str, Gathered], shifts: dict[str, FloatArray]
-    ) -> dict[str, SensorResult]:
-        """Results of all grids; without ``shifts`` their errors hold no share of the mesh."""
-        return {
-            grid.name: self._sensor_result(
-                k, grids[grid.name], shifts.get(grid.name, np.zeros(len(grid)))
-            )
-            for k, grid in enumerate(self.scene.sensors)
-        }
-
-    def _mesh_check(
-        self,
-        solver: FieldSolver,
-        field: Field,
-        grids: dict[str, Gathered],
-        coarse: Field | None,
-    ) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Error of indirect light at sensors and elements, from a coarser mesh. [lx]
-
-        What both meshes have wrong alike changes nothing: it is no less than the light that the
-        finer one misplaces. What the ledger lacks counts besides.
-        """
-        error = MeshError(field.misplaced, abs(self._balance(field, solver).residual_fraction))
-        lamps = solver.lamp_groups
-        light = {name: _indirect(g, lamps) for name, g in grids.items()}
-        on_elements = _indirect(field.light, lamps)
-        budget = self.budget.coarser(self.scene)
-        reason = ""
-        if not field.all_reflected.any():
-            reason = "no light is reflected"
-        elif (
-            len(field.surfaces.elements) == self.budget.elements
-            and (budget.divisions == self.budget.divisions).all()
-        ):
-            reason = "every patch is one element: there is no coarser mesh to compare with"
-            self.stages.warnings.append(
-                f"{reason}, and the errors hold of the mesh only what it misplaces of lamps' light"
-            )
-        if reason:
-            self.stages.skipped["mesh check"] = reason
-            return {name: error.of(*own) for name, own in light.items()}, error.of(*on_elements)
-        if coarse is None:
-            coarse = solver.solve(budget, name="mesh check")
-        rest, errors = left_of_change(field, coarse), {}
-        for grid in self.scene.sensors:
-            own = light[grid.name]
-            change = own[0] - solver.gather_indirect(grid, budget, coarse)
-            # One sensor's change may pass through zero: none is below the root mean square.
-            change = np.maximum(np.abs(change), np.sqrt(np.mean(change**2)))
-            errors[grid.name] = error.of(*own, rest * change)
-        return errors, error.of(*on_elements, rest * element_shift(field, coarse))
+        field = solver.solve(budget, boxes, misplaced)
+        seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
+        finer = solver.finer(field, budget, seen)
+        balance = self._balance(field, finer, solver)
+        error = MeshError(misplaced, abs(balance.residual_fraction), finer.unseen)
+        sensors, without_mesh = {}, {}
+        for k, grid in enumerate(self.scene.sensors):
+            gathered, change = solver.gather(grid, seen[k], field, finer)
+            shift = error.of(*_indirect(gathered, solver.lamp_groups), change)
+            sensors[grid.name] = self._sensor_result(k, gathered, shift)
+            without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
+        return _Solved(field, finer, balance, error, sensors, without_mesh)
 
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]
@@ -239,26 +213,27 @@ class _Simulation:
             outline=grid.outline,
         )
 
-    def _balance(self, field: Field, solver: FieldSolver) -> Balance:
-        surfaces, light = field.surfaces, field.light
-        nothing = np.zeros_like(surfaces.emitted)
+    def _balance(self, field: Field, finer: Finer, solver: FieldSolver) -> Balance:
+        surfaces, of = field.surfaces, finer.unknowns.element
+        lamps = {f"{group}.direct" for group in solver.lamp_groups}
+        nothing = np.zeros((len(of), solver.bands))
         entered = [
             values
-            for name, values in light.components.items()
-            if name.endswith(".direct") and name.rsplit(".", 1)[0] not in solver.lamp_groups
+            for name, values in finer.arriving.components.items()
+            if name.endswith(".direct") and name not in lamps
         ]
         balance = make_balance(
             self.scene,
-            surfaces.areas,
-            field.factors,
-            surfaces.reflectance,
-            surfaces.diffuse,
-            field.all_reflected,
-            np.asarray(sum(light.components.values(), nothing)),
+            finer.unknowns.areas,
+            finer.kept,
+            surfaces.reflectance[of],
+            surfaces.diffuse[of],
+            np.asarray(sum(finer.sent.values(), nothing)),
+            np.asarray(sum(finer.arriving.components.values(), nothing)),
             np.asarray(sum(entered, nothing)),
-            surfaces.material,
-            np.where(surfaces.web, -1, surfaces.lamp),
-            solver.mirrors.share_of(surfaces),
+            surfaces.material[of],
+            np.where(surfaces.web, -1, surfaces.lamp)[of],
+            solver.mirrors.share_of(surfaces)[of],
         )
         return solver.webs.in_ledger(balance, surfaces, self.budget.accuracy, field.sees_out)
 
@@ -295,7 +270,7 @@ class _Simulation:
         ]
         return np.asarray(sum(daylight) / horizontal_illuminance(sky))
 
-    def _images(self, field: Field, solver: FieldSolver) -> dict[str, CameraImage]:
+    def _images(self, field: Field, finer: Finer, solver: FieldSolver) -> dict[str, CameraImage]:
         if not self.scene.cameras:
             return {}
         from .camera import Renderer
@@ -305,11 +280,11 @@ class _Simulation:
             renderer = Renderer(
                 self.scene,
                 field.surfaces.elements,
-                reflected=field.all_reflected,
+                reflected=finer.reflected,
                 emitted=field.surfaces.diffuse,
-                irradiance=field.light.luminous(),
+                irradiance=finer.light.luminous(),
                 webs=solver.webs.lamps(self.budget.accuracy),
-                second=solver.highlights.for_pictures(field, self.budget),
+                second=solver.highlights.for_pictures(field.surfaces, finer, self.budget),
             )
             for k, camera in enumerate(self.scene.cameras):
                 images[camera.name] = renderer.render(camera)

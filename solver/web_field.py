@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .exchange import Rows
 from .kernels.pyramid import Blockers
@@ -32,7 +34,7 @@ MANY = 20.0
 #: many nodes.
 LEVELS_COARSE, LEVELS_DENSE = 3, 1
 #: Most nodes a direction on an element under a narrow beam.
-MOST_NODES = 8
+MOST_NODES = 16
 
 
 class WebField:
@@ -84,8 +86,7 @@ class WebField:
         surfaces: Surfaces,
         asked: Ask,
         *,
-        fine: bool = False,
-        stage: str | None = None,
+        areas: FloatArray | None = None,
     ) -> FloatArray:
         """Add to the direct light (m, b) of their groups; returns the variances (m,). [lx²]
 
@@ -97,19 +98,18 @@ class WebField:
             Form factors from m receivers to the elements of ``surfaces``.
         asked : Ask
             What the rows were asked for.
-        fine : bool
-            Whether the receivers are sensors, which nothing averages.
-        stage : str, optional
-            Stage that the time is counted to; one of its own when not given.
+        areas : (m,) array, optional
+            What receivers on elements stand for, in order of their elements; sensors, which nothing
+            averages, have none. [m²]
         """
         variance, budget = np.zeros(len(rows.factors)), asked.budget
         if not self._rows:
             return variance
         bands = surfaces.emitted.shape[1]
-        with self.stages.run(stage or "photometric webs") as tell:
+        with self.stages.run("photometric webs") as tell:
             lamps = self.lamps(budget.accuracy)
             for done, lamp in enumerate(lamps):
-                found = self._light(lamp, rows, surfaces, asked, fine)
+                found = self._light(lamp, rows, surfaces, asked, areas)
                 color = np.ones(1) if bands == 1 else np.asarray(lamp.luminaire.color)
                 group = lamp.luminaire.group
                 direct[group] = direct[group] + found.illuminance[:, None] * color
@@ -126,10 +126,10 @@ class WebField:
         return min(MANY, flux / lamp.luminaire.flux_lm)
 
     def _light(
-        self, lamp: WebLamp, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool
+        self, lamp: WebLamp, rows: Rows, surfaces: Surfaces, asked: Ask, areas: FloatArray | None
     ) -> WebLight:
         """Direct light of one lamp: traced anew at sensors, elsewhere by the rows there are."""
-        budget, receivers = asked.budget, asked.receivers
+        budget, receivers, fine = asked.budget, asked.receivers, areas is None
         how: dict[str, Any] = {
             "eps": budget.eps * (asked.share if self.trace else FINE_SHARE),
             "cell_eps": budget.lamp_cell_eps * self._coarser(lamp),
@@ -157,20 +157,61 @@ class WebField:
             coarse=not fine,
             levels=LEVELS if fine else LEVELS_COARSE,
         )
-        if fine:
+        if areas is None:
             return light
         for some, dense in _denser(lamp, surfaces.elements, elements):
+            share = _Shares.of(receivers.own, areas, some)
+            if not len(share.rows):
+                continue
             better = lamp.light(
-                dense,
+                dense.take(share.groups),
                 elements,
-                rows.factors[np.ix_(some, own)],
-                rows.variances[np.ix_(some, own)],
-                plain[some],
+                share.means(rows.factors[np.ix_(share.rows, own)]),
+                share.means(rows.variances[np.ix_(share.rows, own)]),
+                share.means(plain[share.rows]),
                 coarse=True,
                 levels=LEVELS_DENSE,
             )
-            light = light.put(some, better)
+            light = light.put(share.rows, share.with_means(light.take(share.rows), better))
         return light
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shares:
+    """Receivers on some elements: ``rows`` (k,), of which element, and its share in that.
+
+    ``groups`` (c,) are those of the elements that have any, by their place among them.
+    """
+
+    rows: IntArray
+    groups: IntArray
+    group: IntArray
+    share: FloatArray
+
+    @classmethod
+    def of(cls, own: IntArray, areas: FloatArray, some: IntArray) -> _Shares:
+        rows = np.flatnonzero(np.isin(own, some))
+        groups, group = np.unique(np.searchsorted(some, own[rows]), return_inverse=True)
+        total = np.bincount(group, weights=areas[rows])
+        return cls(rows, groups, group, areas[rows] / total[group])
+
+    def means(self, values: NDArray[np.floating]) -> FloatArray:
+        """Means (c, …) over the elements of ``values`` (k, …)."""
+        out = np.zeros((len(self.groups), *values.shape[1:]))
+        weights = self.share.reshape(-1, *(1,) * (values.ndim - 1))
+        np.add.at(out, self.group, weights * values)
+        return out
+
+    def with_means(self, light: WebLight, better: WebLight) -> WebLight:
+        """The light scaled to the means ``better`` (c,); even where the receivers saw none."""
+        mean = self.means(light.illuminance)[self.group]
+        wanted = better.illuminance[self.group]
+        scale = np.where(mean > 0.0, wanted / np.where(mean > 0.0, mean, 1.0), 0.0)
+        return WebLight(
+            np.where(mean > 0.0, light.illuminance * scale, wanted),
+            better.variance[self.group],
+            better.partly[self.group],
+        )
 
 
 def _denser(
@@ -192,8 +233,7 @@ def _denser(
     blur = 0.5 * math.sqrt(lamp.shape.area)
     count = np.ceil(2.0 * spheres[:, 3] / np.maximum(lamp.step * away, blur))
     whole = ~receivers.buried.any(axis=1)
-    for least, nodes in ((2.0, 4), (4.0, MOST_NODES)):
-        most = np.inf if nodes == MOST_NODES else 4.0
+    for least, most, nodes in ((2.0, 4.0, 4), (4.0, 8.0, 8), (8.0, np.inf, MOST_NODES)):
         some = np.flatnonzero(whole & (count > least) & (count <= most))
         if len(some):
             yield some, _with_nodes(receivers, some, nodes)

@@ -61,6 +61,10 @@ class WebLight:
     variance: FloatArray
     partly: FloatArray
 
+    def take(self, rows: IntArray) -> WebLight:
+        """That on some of the receivers."""
+        return WebLight(*(getattr(self, f.name)[rows] for f in fields(self)))
+
     def put(self, rows: IntArray, other: WebLight) -> WebLight:
         """This light with that of ``other`` at ``rows``."""
         values = {f.name: getattr(self, f.name).copy() for f in fields(self)}

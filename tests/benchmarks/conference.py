@@ -100,7 +100,7 @@ def budget_on(scene: SceneData, accuracy: float, counts: IntArray, nodes: int) -
     total = int(counts.prod(axis=1).sum())
     # Size 0: no element is so small that it gets fewer nodes than the others. None is added.
     mesh = {"divisions": counts, "elements": total, "most_elements": total, "size": 0.0}
-    return dataclasses.replace(Budget.of(scene, accuracy), nodes=nodes, **mesh)
+    return dataclasses.replace(Budget.of(scene, accuracy, "constant"), nodes=nodes, **mesh)
 
 
 def solve(job: Job) -> Solved:
@@ -118,7 +118,7 @@ def solve(job: Job) -> Solved:
         with clock.run("geometry"):
             blockers = make_blockers(scene.patches, scene.closed, scene.patches.part_index)
         solver = FieldSolver(scene, blockers, trace=True, stages=clock)
-        return solver.solve(budget), clock
+        return solver.solve(budget, *solver.mesher.boxes(budget)), clock
 
     budget = budget_on(scene, job.accuracy, job.divisions, job.nodes)
     run(budget_on(scene, 0.5, np.ones_like(job.divisions), job.nodes))  # loads and compiles

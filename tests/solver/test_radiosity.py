@@ -122,8 +122,8 @@ def test_open_scenes_may_reflect_everything():
     floor = ceiling(-1, 1, -1, 1, 0.0).flipped()
     result = solve(scene(setup(plate, floor), rho=1.0, lamps=[(0, "lamp", 100.0)]), accuracy=0.2)
     assert np.isfinite(result.exitance).all()
-    # Nothing is absorbed: whatever the form factors, all that was emitted. GMRES leaves 1e-9.
-    assert result.balance.escaped_lm == pytest.approx(400.0, rel=1e-8)
+    # Nothing is absorbed: all that was emitted, but for what the last gather leaves.
+    assert result.balance.escaped_lm == pytest.approx(400.0, rel=1e-4)
 
 
 def test_disconnected_rooms_do_not_touch():

@@ -1,6 +1,7 @@
 """Boxes cut where direct light changes: where the cuts lie, what they cost, and what they gain."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -110,11 +111,18 @@ def test_an_edge_aslant_is_found_to_what_is_allowed():
 
 def test_what_is_small_against_the_distance_is_left():
     """Light that changes gradually, a thousand plates away from what it falls on."""
-    light = Light(lambda x: 100.0 + x[:, 0])
+    light = Light(lambda x: 100.0 + 4.0 * (x[:, 0] - 0.5) ** 2)
     boxes, left = refined(PLATE, light, 1e-3)
     assert len(boxes) == 1
-    # A quarter of 1 lx in 100.5 lx, moved by a thousandth; 4 x 4 points tell it to 4 %.
-    assert left == pytest.approx(0.25 / 100.5 * 1e-3, rel=0.1)
+    # Mean of |t² − 1/3| over −1 … 1 in 100.3 lx, moved by a thousandth; 4 x 4 points tell it to 11 %.
+    assert left == pytest.approx(8.0 / 9.0 / math.sqrt(12.0) / 100.3333 * 1e-3, rel=0.12)
+
+
+def test_light_that_nodes_tell_is_not_misplaced():
+    """Bilinear over a plane element: interpolated between its nodes to the bit, nearly."""
+    light = Light(lambda x: 100.0 + 3.0 * x[:, 0] - x[:, 1] + 2.0 * x[:, 0] * x[:, 1], nearness=1e3)
+    boxes, left = refined(PLATE, light, 1e-9)
+    assert len(boxes) == 1 and left < 1e-14
 
 
 def test_no_more_boxes_than_allowed():
@@ -340,10 +348,11 @@ def aligned_truth(made, gap, size):
     boxes, _ = boxes.take(kept).joined(ceiling_boxes)
     room, lamp = (Body(made.patches.take(made.patches.part_index == k)) for k in range(2))
     solver = FieldSolver(made, setup(room, lamp).blockers, trace=True, stages=Stages())
-    solver._mesher.boxes = lambda budget: (boxes, 0.0)
     budget = dataclasses.replace(budget, size=0.0)
-    field = solver.solve(budget)
-    return solver.gather(made.sensors[0], budget, field).luminous("indirect")
+    field = solver.solve(budget, boxes)
+    seen = solver.seen(made.sensors[0], budget, field)
+    found, _ = solver.gather(seen, field, solver.finer(field, budget, [seen]))
+    return found.luminous("indirect")
 
 
 @pytest.mark.slow

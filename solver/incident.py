@@ -1,0 +1,179 @@
+"""Light that falls on receivers: what is kept of it, and the direct part of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .budget import Budget
+from .dome import dome_cells, gather, sun_cells
+from .exchange import Rows
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray
+from .model.result import luminous
+from .model.scene import SceneData
+from .model.sky import CIESky
+from .reciprocity import LampShares
+from .row_finder import Ask
+from .skies import ground_luminance, sun_luminance
+from .spectra import cct_to_rgb
+from .stages import Stages
+from .surfaces import Receivers, Surfaces
+from .unknowns import Unknowns
+from .web_field import WebField
+
+
+@dataclass(eq=False)
+class Light:
+    """Direct irradiance by group (m, b) and the variance (m,) of what was sampled."""
+
+    direct: dict[str, FloatArray]
+    variance: FloatArray
+    outside: FloatArray  # (m,) form factor of sky and ground together, and its variance
+    outside_variance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gathered:
+    """Light on some receivers; row i of every array is the same receiver.
+
+    Attributes
+    ----------
+    components : dict of (m, b) arrays
+        ``"<group>.direct"`` and ``"<group>.indirect"``. [lx]
+    deviation : (m,) array
+        Standard deviation of what was sampled. [lx]
+    """
+
+    components: dict[str, FloatArray]
+    deviation: FloatArray
+
+    @classmethod
+    def of(cls, light: Light, indirect: dict[str, FloatArray], variance: FloatArray) -> Gathered:
+        """Direct ``light``, and ``indirect`` (m, b) by group with the ``variance`` (m,) of both."""
+        components = {}
+        for group, direct in light.direct.items():
+            components[f"{group}.direct"] = direct
+            components[f"{group}.indirect"] = indirect[group]
+        return cls(components, np.sqrt(variance + light.variance))
+
+    def luminous(self, kind: str = "") -> FloatArray:
+        """Illuminance (m,), of one kind (``"direct"``, ``"indirect"``) or in all. [lx]"""
+        parts = [luminous(v) for name, v in self.components.items() if name.endswith(kind)]
+        return np.asarray(sum(parts, np.zeros(len(self.deviation))))
+
+
+class Incidence:
+    """Finds the direct light of one scene.
+
+    Parameters
+    ----------
+    scene : SceneData
+        The scene.
+    blockers : Blockers
+        Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    stages : Stages
+        Receives times, counters and reasons.
+    """
+
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        self.bands = 1 if scene.is_grey else 3
+        self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
+        self.webs = WebField(scene, blockers, trace=trace, stages=stages)
+
+    def on(
+        self,
+        asked: Ask,
+        rows: Rows,
+        surfaces: Surfaces,
+        unknowns: Unknowns,
+        shares: LampShares,
+        *,
+        sees_out: bool,
+    ) -> Light:
+        """Direct light on unknowns, by light group, lamps first.
+
+        Of sky and ground it is what the meridians of ``rows`` saw of them.
+        """
+        scanned = rows.outside if self.trace else None
+        light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
+        factors = shares.factors(rows, unknowns)
+        emitted = {g: surfaces.emitted_by(self.scene, g)[shares.lamps] for g in self.lamp_groups}
+        self._add(light, {group: factors @ sent for group, sent in emitted.items()})
+        light.variance += self.webs.add(light.direct, rows, surfaces, asked, areas=unknowns.areas)
+        return light
+
+    def add_lamps(self, light: Light, asked: Ask, rows: Rows, surfaces: Surfaces) -> None:
+        """Add the direct light of the luminaires on sensors."""
+        emitted = {group: surfaces.emitted_by(self.scene, group) for group in self.lamp_groups}
+        self._add(light, {group: rows.gather(sent) for group, sent in emitted.items()})
+        light.variance += self.webs.add(light.direct, rows, surfaces, asked)
+
+    def _add(self, light: Light, lamps: dict[str, FloatArray]) -> None:
+        """Put the light of ``lamps`` before that of sky, sun and ground."""
+        light.direct = {**lamps, **light.direct}
+
+    def from_outside(
+        self,
+        receivers: Receivers,
+        budget: Budget,
+        sees_out: bool,
+        scanned: FloatArray | None = None,
+    ) -> Light:
+        """Direct light of sky, sun and ground.
+
+        Sky and ground are traced by pyramids unless ``scanned`` (m, 5) tells what the meridians of
+        `form_factor_matrix` saw of them.
+        """
+        light = Light({}, *np.zeros((3, len(receivers.nodes))))
+        scene, stages, trace = self.scene, self.stages, self.trace
+        eps = budget.sensor_dome_cell_eps
+        jobs: list[tuple[str, FloatArray, CIESky | float, float, float]] = []
+        if scene.sky is not None:
+            jobs.append(("sky", dome_cells(0.0, 90.0), scene.sky, eps, scene.sky.cct_k))
+        if scene.sun is not None:
+            level, cells = sun_luminance(scene.sun), sun_cells(scene.sun)
+            disc = np.sin(np.radians(scene.sun.angular_radius_arcmin / 60.0)) ** 2
+            jobs.append(("sun", cells, level, budget.sun_cell_eps * disc, scene.sun.cct_k))
+        level = ground_luminance(scene.ground, scene.sky, scene.sun)
+        if level > 0.0:
+            cct = scene.sky.cct_k if scene.sky is not None else 5500.0
+            jobs.append(("ground", dome_cells(-90.0, 0.0), level, eps, cct))
+        for name, cells, luminance, cell_eps, cct in jobs:
+            if not sees_out and self.stages.skipped.get("visibility") != "switched off":
+                stages.skipped[name] = "nothing sees out of the scene"
+                light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
+                continue
+            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
+            if scanned is not None and name != "sun":
+                column, spread = (0, 3) if name == "sky" else (2, 4)
+                brightness = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)
+                light.direct[name] = brightness * scanned[:, column, None] * color
+                light.variance += brightness**2 * scanned[:, spread]
+                continue
+            with stages.run(name) as tell:
+                found = gather(
+                    receivers.nodes,
+                    receivers.normals,
+                    receivers.weights,
+                    cells,
+                    luminance,
+                    self.blockers,
+                    eps=budget.eps,
+                    cell_eps=cell_eps,
+                    trace=trace,
+                    progress=tell,
+                )
+            stages.count(found.counters)
+            light.direct[name] = found.illuminance[:, None] * color
+            light.variance += found.deviation**2
+            if name != "sun":
+                light.outside += found.factor
+                light.outside_variance += found.factor_variance
+        return light

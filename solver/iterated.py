@@ -1,0 +1,257 @@
+"""One more gather on halved elements: better values, and what they tell of the error.
+
+A solution B of the discrete system is put into the equation it stands for once more, at the nodes
+of 2 x 2 pieces of the elements: B' = ρ (E_direct + K B), Sloan's iteration [1], which converges
+faster than B and shows light that the coarser nodes missed. The residual r = B' − B there changes
+the light elsewhere by C, (I − ρ K) C = ρ K r, which is solved with the matrix there is. Sensors
+gather from B + r + C; by how much that differs from what they get of B alone is the estimate of the
+error.
+
+Where the rows of all pieces would cost more than those of the mesh, elements whose light varies
+most, times their importance for the sensors, are done.
+
+References
+----------
+.. [1] I. H. Sloan, "Improvement by iteration for compact operator equations", Mathematics of
+   Computation 30 (1976), 758–764.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .budget import Budget
+from .exchange import products
+from .incident import Gathered
+from .model.arrays import FloatArray, IntArray, MatrixArray
+from .model.result import luminous
+from .radiosity import solve_radiosity
+from .unknowns import Unknowns
+
+if TYPE_CHECKING:
+    from .field import Field
+
+#: Rows of pieces that are always found, and share of those of the mesh that are found beyond.
+ROWS, SHARE = 4096, 1.0
+#: Light that varies in an element by this share of its mean is taken for the least variation: the
+#: nodes may miss what lies between them.
+LEAST = 0.05
+#: Worth of light that is absorbed, which counts in the flux ledger alone, against what is sent on.
+ABSORBED = 0.1
+#: Importance of light anywhere for what the sensors get, against the mean of what they see.
+ANYWHERE = 0.3
+
+Gather = Callable[[Unknowns], tuple[Gathered, FloatArray]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finer:
+    """A solved field with its light known on halved elements; N unknowns, n elements.
+
+    Attributes
+    ----------
+    unknowns : Unknowns
+        Of the whole elements, and of the pieces of those that were halved.
+    arriving : Gathered
+        Light on the unknowns.
+    sent : dict of (N, b) arrays
+        Reflected exitance by light group. [lm/m²]
+    kept : (N,) array
+        Share of what each sends that meets the scene again.
+    change : (N, b) array
+        What of it, all groups together, is not in the solution of the mesh. [lm/m²]
+    shift : (n,) array
+        Change of the mean illuminance of the elements. [lx]
+    residual : (n, 2) array
+        Flux of |r| of each element times its importance, parted by how r varies along u and v.
+    unseen : float
+        What was not looked at, against what was: the change is that much larger.
+    """
+
+    unknowns: Unknowns
+    arriving: Gathered
+    sent: dict[str, FloatArray]
+    kept: FloatArray
+    change: FloatArray
+    shift: FloatArray
+    residual: FloatArray
+    unseen: float
+
+    @property
+    def light(self) -> Gathered:
+        """Light on the elements: means over them."""
+        mean, arriving = self.unknowns.mean, self.arriving
+        components = {name: mean(values) for name, values in arriving.components.items()}
+        variance = self.unknowns.mean_variance(arriving.deviation**2)
+        return Gathered(components, np.sqrt(variance))
+
+    @property
+    def reflected(self) -> FloatArray:
+        """Mean reflected exitance (n, b) of the elements, of all groups. [lm/m²]"""
+        nothing = np.zeros_like(self.change)
+        return self.unknowns.mean(np.asarray(sum(self.sent.values(), nothing)))
+
+
+def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
+    """Importance (n,) of light from elements for sensors that see them by ``seen`` [(m, n), …].
+
+    Relative to the mean, per area; 1 everywhere without sensors.
+    """
+    total = np.zeros(len(areas))
+    for factors in seen:
+        total += products(np.ascontiguousarray(factors.T), np.ones((factors.shape[0], 1)))[:, 0]
+    if not total.any():
+        return np.ones(len(areas))
+    weight = total / np.where(areas > 0.0, areas, np.inf)
+    return np.asarray(weight / np.average(weight, weights=areas) + ANYWHERE)
+
+
+def finer_light(field: Field, budget: Budget, weights: FloatArray, gather: Gather) -> Finer:
+    """The light of ``field`` on halved elements.
+
+    Parameters
+    ----------
+    field : Field
+        A solved mesh.
+    budget : Budget
+        Its tolerances.
+    weights : (n,) array
+        Importance of the elements.
+    gather : callable
+        Light on unknowns, by the field's own, and the sums (k,) of their rows.
+    """
+    chosen, unseen = _chosen(field, weights)
+    if not len(chosen):
+        return _as_it_is(field)
+    rho, unknowns = field.surfaces.reflectance, field.unknowns
+    fine = unknowns.halved(field.surfaces.elements, chosen)
+    lift = Lift.of(unknowns, fine, chosen)
+    some = lift.new.ravel()
+    arriving, sums = gather(fine.take(some))
+    components, sent = {}, {}
+    change, shift = np.zeros((2, len(fine), rho.shape[1]))
+    for group, values in field.sent.items():
+        direct, indirect = f"{group}.direct", f"{group}.indirect"
+        lifted = lift(values)
+        sent[group] = lifted.copy()
+        found = arriving.components[direct] + arriving.components[indirect]
+        sent[group][some] = rho[fine.element[some]] * found
+        onto = lift.projected(sent[group] - lifted, fine.areas)
+        rest = products(field.factors, onto)
+        more, _ = solve_radiosity(
+            field.factors, rho[unknowns.element], {group: rest}, accuracy=budget.accuracy
+        )
+        rest += products(field.factors, more[group])
+        sent[group] += lift(more[group])
+        change += sent[group] - lifted
+        for name, moved in ((direct, None), (indirect, rest)):
+            components[name] = lift(field.arriving.components[name])
+            components[name][some] = arriving.components[name]
+            if moved is not None:
+                components[name] += lift(moved)
+        before = sum(lift(field.arriving.components[name]) for name in (direct, indirect))
+        shift += components[direct] + components[indirect] - before
+    variance = lift(field.arriving.deviation**2)
+    variance[some] = arriving.deviation**2
+    kept = lift(field.kept)
+    kept[some] = sums
+    return Finer(
+        unknowns=fine,
+        arriving=Gathered(components, np.sqrt(variance)),
+        sent=sent,
+        kept=kept,
+        change=change,
+        shift=np.abs(fine.mean(luminous(shift))),
+        residual=_residual(luminous(change), fine, lift, chosen) * weights[:, None],
+        unseen=unseen,
+    )
+
+
+def _as_it_is(field: Field) -> Finer:
+    n = len(field.surfaces.areas)
+    nothing, none = np.zeros_like(field.all_sent), np.zeros((n, 2))
+    return Finer(
+        field.unknowns, field.arriving, field.sent, field.kept, nothing, np.zeros(n), none, 0.0
+    )
+
+
+def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
+    """Elements to halve, and how much of what may matter is in others, against what is in them."""
+    unknowns, surfaces = field.unknowns, field.surfaces
+    sent, arriving = luminous(field.all_sent), field.arriving.luminous()
+    worth = np.zeros(len(weights))
+    for values, share in ((sent, weights), (arriving, ABSORBED)):
+        level = unknowns.mean(values)
+        spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
+        worth += (spread + LEAST * level) * surfaces.areas * share
+    worth[~unknowns.can_halve(surfaces.elements)] = 0.0
+    order = np.argsort(-worth, kind="stable")
+    order = order[worth[order] > 0.0]
+    count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
+    left = float(worth[order[count:]].sum()), float(worth[order[:count]].sum())
+    return np.sort(order[:count]), left[0] / left[1] if left[0] > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lift:
+    """From the unknowns of elements to those of their pieces.
+
+    Attributes
+    ----------
+    old, new : (c, q) and (c, Q) int arrays
+        Unknowns of the halved elements before and after.
+    was, same : (k,) int arrays
+        The other unknowns before and after.
+    between : (Q, q) array
+        Values at the nodes of the pieces by those at the nodes of the element.
+    """
+
+    old: IntArray
+    new: IntArray
+    was: IntArray
+    same: IntArray
+    between: FloatArray
+
+    @classmethod
+    def of(cls, unknowns: Unknowns, fine: Unknowns, chosen: IntArray) -> Lift:
+        old, new = unknowns.of_elements(chosen), fine.of_elements(chosen)
+        was = np.setdiff1d(np.arange(len(unknowns)), old)
+        same = np.setdiff1d(np.arange(len(fine)), new)
+        return cls(old, new, was, same, unknowns.between_halves())
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Values (N, …) of the unknowns at the finer ones."""
+        count = self.new.size + len(self.same)
+        out = np.empty((count, *values.shape[1:]))
+        out[self.same] = values[self.was]
+        out[self.new] = np.einsum("Qq,cq...->cQ...", self.between, values[self.old])
+        return out
+
+    def projected(self, values: FloatArray, areas: FloatArray) -> FloatArray:
+        """Values (N, b) whose interpolation is nearest to ``values`` at the finer unknowns."""
+        out = np.zeros((self.old.size + len(self.was), values.shape[1]))
+        out[self.was] = values[self.same]
+        weighted = self.between * areas[self.new][:, :, None]
+        normal = np.einsum("cQq,Qr->cqr", weighted, self.between)
+        moments = np.einsum("cQq,cQb->cqb", weighted, values[self.new])
+        out[self.old] = np.linalg.solve(normal, moments)
+        return out
+
+
+def _residual(change: FloatArray, fine: Unknowns, lift: Lift, chosen: IntArray) -> FloatArray:
+    """Flux (n, 2) by which the light varies otherwise than told, along u and along v. [lm]"""
+    side = int(np.sqrt(lift.new.shape[1]))
+    shape = (len(chosen), side, side)
+    values, areas = change[lift.new].reshape(shape), fine.areas[lift.new].reshape(shape)
+    out = np.zeros((fine.elements, 2))
+    for axis in (0, 1):
+        mean = np.average(values, axis=2 - axis, weights=areas)
+        out[chosen, axis] = (np.abs(mean) * areas.sum(axis=2 - axis)).sum(axis=1)
+    total = (np.abs(values) * areas).sum(axis=(1, 2))
+    both = np.maximum(out[chosen].sum(axis=1), 1e-300)
+    out[chosen] *= (total / both)[:, None]
+    return out
