@@ -101,10 +101,16 @@ class ModelTable(Table):
 
 
 class MaterialTable(Table):
-    """Opaque diffuse surface."""
+    """Opaque surface; its three shares are numbers or linear [r, g, b], 1 together at most."""
 
     reflectance: Reflectance = 0.5
-    """Number or linear [r, g, b], 0 to 1."""
+    """Diffuse share."""
+    specular: Reflectance = 0.0
+    """Glossy share: Phong's lobe."""
+    exponent: Number = 50.0
+    """Sharpness of the lobe, 1 to 1e6."""
+    mirror: Reflectance = 0.0
+    """Share that is reflected as by a mirror."""
     name: str = ""
     back: MaterialTable | None = None
     """Other side of a sheet."""
@@ -112,7 +118,14 @@ class MaterialTable(Table):
     def build(self) -> Material:
         """The material."""
         back = None if self.back is None else self.back.build()
-        return Material(self.reflectance, back=back, name=self.name)
+        return Material(
+            self.reflectance,
+            specular=self.specular,
+            exponent=self.exponent,
+            mirror=self.mirror,
+            back=back,
+            name=self.name,
+        )
 
 
 class EmitterTable(Table):

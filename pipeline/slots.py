@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from patchlight.solver.model import BLACK, Emitter, Glass, Material
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
+from patchlight.solver.model.optics import LUMINANCE_WEIGHTS, Reflectance
 
 from .assigning import matched_faces, row_offsets
 
@@ -98,12 +98,20 @@ def _used(
 
 
 def _named(material: Material) -> Material:
-    """The material without its back, named after its reflectance where it has no name."""
-    r = material.reflectance
-    name = material.name or (
-        f"grey {r:g}" if isinstance(r, float) else "rgb " + " ".join(f"{x:g}" for x in r)
-    )
-    return Material(r, name=name)
+    """The material without its back, named after what it reflects where it has no name."""
+    name = material.name
+    if not name:
+        name = _shares("grey", "rgb", material.reflectance)
+        if material.is_glossy:
+            name += f", specular {_shares('', '', material.specular)} n {material.exponent:g}"
+        if material.is_mirror:
+            name += f", mirror {_shares('', '', material.mirror)}"
+    return replace(material, back=None, name=name)
+
+
+def _shares(grey: str, rgb: str, r: Reflectance) -> str:
+    values = (grey, f"{r:g}") if isinstance(r, float) else (rgb, *(f"{x:g}" for x in r))
+    return " ".join(text for text in values if text)
 
 
 def _cad_colors(scene: Scene) -> list[Material | None]:

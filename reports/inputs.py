@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from patchlight.solver.model import CIESky, Luminaire, SceneData
+from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
 
 from . import formats as f
 
@@ -100,10 +101,12 @@ def material_rows(scene: SceneData) -> list[dict[str, Any]]:
         if not patches.any():
             continue
         faces = np.unique(scene.patches.face_index[patches])
-        color = material.bands
-        text = f"{material.luminous_reflectance:.2f}"
-        if not material.is_grey:
-            text += " (RGB " + ", ".join(f"{b:.2f}" for b in color) + ")"
+        color = material.scattered_bands + material.mirror_bands
+        text = _shares(material.bands)
+        if material.is_glossy:
+            text += f"; specular {_shares(material.specular_bands)}, n {material.exponent:g}"
+        if material.is_mirror:
+            text += f"; mirror {_shares(material.mirror_bands)}"
         on_default = int(default[faces[faces < len(default)]].sum())
         rows.append(
             {
@@ -128,6 +131,14 @@ def material_rows(scene: SceneData) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _shares(bands: np.ndarray) -> str:
+    """Luminous value of shares (3,) by band, and all of them where they differ."""
+    text = f"{float(bands @ np.array(LUMINANCE_WEIGHTS)):.2f}"
+    if np.ptp(bands) != 0.0:
+        text += " (RGB " + ", ".join(f"{b:.2f}" for b in bands) + ")"
+    return text
 
 
 def default_faces(scene: SceneData, *, limit: int = 40) -> tuple[int, list[str]]:

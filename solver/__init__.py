@@ -11,6 +11,7 @@ from .lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from .factors import form_factors, point_form_factors
+    from .glossy import specular_radiance
     from .model.elements import Elements
     from .model.form_factors import FormFactors
     from .model.patches import PatchSet
@@ -23,9 +24,17 @@ _HOME = {
     "PatchSet": ".model.patches",
     "form_factors": ".factors",
     "point_form_factors": ".factors",
+    "specular_radiance": ".glossy",
 }
 
-__all__ = ["Elements", "FormFactors", "PatchSet", "form_factors", "point_form_factors"]
+__all__ = [
+    "Elements",
+    "FormFactors",
+    "PatchSet",
+    "form_factors",
+    "point_form_factors",
+    "specular_radiance",
+]
 
 
 __getattr__ = lazy_attributes(__name__, _HOME)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .elements_by_side import elements_by_side
 from .errors import InputError
 from .model.arrays import FloatArray, IntArray, check_shape, frozen
 from .model.elements import Elements
@@ -16,6 +17,7 @@ from .model.sky import direction
 from .model.views import Camera
 from .pane_view import PaneView
 from .raycast import RayCaster
+from .shine import MOST_MIRRORS, Seen, Shine
 from .skies import (
     ground_luminance,
     horizontal_illuminance,
@@ -28,6 +30,7 @@ from .spectra import cct_to_rgb
 from .vertex_values import corner_values
 
 if TYPE_CHECKING:
+    from .second_pass import SecondPass
     from .webs import WebLamp
 
 #: Rays per kernel call, which bounds memory and lets Ctrl-C through.
@@ -55,6 +58,8 @@ class Renderer:
         Of the patches of ``scene`` that nothing is seen through, when there already is one.
     webs : sequence of WebLamp
         Lamps whose luminance depends on where they are seen from; they are not in ``emitted``.
+    second : SecondPass, optional
+        Shows glossy surfaces by their lobes; without, they are diffuse.
 
     Raises
     ------
@@ -72,6 +77,7 @@ class Renderer:
         irradiance: FloatArray,
         caster: RayCaster | None = None,
         webs: Sequence[WebLamp] = (),
+        second: SecondPass | None = None,
     ) -> None:
         reflected, emitted = frozen(reflected), frozen(emitted)
         n, bands = len(elements), reflected.shape[-1] if reflected.ndim == 2 else 0
@@ -87,8 +93,9 @@ class Renderer:
         # Patches that are seen through come last: rows of the others are the same without them.
         self._caster = RayCaster(scene.without_panes.patches) if caster is None else caster
         self._panes = PaneView(scene) if scene.see_through.any() else None
+        self._shine = Shine(scene, second, bands)
         means = np.concatenate([reflected, irradiance[:, None]], axis=1)
-        start, order = _elements_by_side(elements, len(scene.patches))
+        start, order = elements_by_side(elements, len(scene.patches))
         self._shading = (
             scene.patches.control_points,
             start,
@@ -102,7 +109,8 @@ class Renderer:
     def render(self, camera: Camera) -> CameraImage:
         """The view of ``camera``; pixels outside a fisheye's circle are black and hit nothing."""
         width, height = (int(s) for s in camera.size)
-        seen = self._trace(*(a.reshape(-1, 3) for a in camera.rays()))
+        origins, directions = (a.reshape(-1, 3) for a in camera.rays())
+        seen = self._trace(origins, directions)
         rgb, illuminance, depth, normals, patch = seen
         again = np.flatnonzero(self._edges(rgb, patch, (height, width)))
         if again.size:
@@ -124,7 +132,7 @@ class Renderer:
         )
 
     def _trace(
-        self, origins: FloatArray, directions: FloatArray
+        self, origins: FloatArray, directions: FloatArray, near: float = 0.0, bounces: int = 0
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
         """Luminance, illuminance, depth, normal and patch along rays (m, 3)."""
         from .kernels.render import shade
@@ -136,12 +144,15 @@ class Renderer:
         for first in range(0, m, _BLOCK):
             rows = slice(first, min(first + _BLOCK, m))
             d = frozen(directions[rows])
-            hits = self._caster.first_hit(origins[rows], d)
+            hits = self._caster.first_hit(origins[rows], d, t_min=near)
             shade(
                 *self._shading, d, hits.patch, hits.u, hits.v, hits.facing,
                 rgb[rows], illuminance[rows], normals[rows],
             )  # fmt: skip
+            seen = Seen(origins[rows], d, hits, normals[rows], illuminance[rows])
+            self._shine.add_lobes(rgb[rows], seen)
             self._add_webs(rgb[rows], d, hits.patch, hits.facing)
+            self._add_mirrors(rgb[rows], seen, bounces)
             if self._panes is not None:
                 self._panes.cover(rgb[rows], origins[rows], d, hits.t, self._shaded)
             depth[rows] = np.where(hits.patch >= 0, hits.t, np.nan)
@@ -161,6 +172,17 @@ class Renderer:
         )
         shade(*self._shading, frozen(directions), patch, u, v, side, rgb, lux, normals)
         return rgb
+
+    def _add_mirrors(self, rgb: FloatArray, seen: Seen, bounces: int) -> None:
+        """Add to ``rgb`` (m, 3) what is seen in mirrors, and in mirrors seen in them."""
+        shares = self._shine.mirrors(seen)
+        rows = np.flatnonzero(shares.any(axis=1))
+        if not len(rows) or bounces == MOST_MIRRORS:
+            return
+        at = seen.points(rows)
+        n, d = seen.normals[rows], seen.directions[rows]
+        turned = d - 2.0 * (d * n).sum(axis=1)[:, None] * n
+        rgb[rows] += shares[rows] * self._trace(at, turned, self._shine.near, bounces + 1)[0]
 
     def _add_webs(
         self, rgb: FloatArray, directions: FloatArray, patch: IntArray, facing: IntArray
@@ -212,14 +234,6 @@ def render(
         caster=caster,
     )
     return renderer.render(camera)
-
-
-def _elements_by_side(elements: Elements, patches: int) -> tuple[IntArray, IntArray]:
-    """Elements of patch side 2 p + side as CSR: (start (2 p + 1,), order (n,))."""
-    key = 2 * elements.patch_index + elements.side
-    order = np.argsort(key, kind="stable")
-    start = np.searchsorted(key[order], np.arange(2 * patches + 1))
-    return frozen(start, np.int64), frozen(order, np.int64)
 
 
 def _environment(scene: SceneData, *, grey: bool) -> FloatArray:

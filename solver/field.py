@@ -11,6 +11,7 @@ from .budget import Budget
 from .containment import Containment
 from .exchange import Rows, Scan, make_sources
 from .exchange import products as multiplied
+from .highlights import Highlights
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
 from .kernels.pyramid import Blockers
@@ -19,6 +20,8 @@ from .large_rows import find_packed
 from .memory import is_packed
 from .mesh import Boxes
 from .mesher import Mesher
+from .mirror_light import MirrorLight
+from .mirrors import Reflections
 from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
@@ -104,11 +107,12 @@ class Field:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorRows:
-    """What the sensors of one grid see: rows to the elements, as asked for, and direct light."""
+    """What the sensors of one grid see: rows to the elements, direct light, and mirrors."""
 
     asked: Ask
     rows: Rows
     light: Light
+    mirrored: Reflections | None
 
 
 class FieldSolver:
@@ -146,6 +150,8 @@ class FieldSolver:
         self.mesher = Mesher(scene, blockers, trace=trace, stages=stages, tester=tester)
         self.bands, self.webs = self._incidence.bands, self._incidence.webs
         self.lamp_groups = self._incidence.lamp_groups
+        self.mirrors = MirrorLight(scene, blockers, self.webs, self.bands, stages)
+        self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
     def solve(self, budget: Budget, boxes: Boxes, misplaced: float = 0.0) -> Field:
         """Solve on elements over ``boxes``, which have that share of reflected light misplaced."""
@@ -158,7 +164,7 @@ class FieldSolver:
         with self.stages.run("form factors") as tell:
             asked = Ask(budget, unknowns.receivers, sources, lifts[of])
             rows: Rows
-            by_elements = unknowns.basis is None and not self.panes.any
+            by_elements = unknowns.basis is None and not (self.panes.any or self.mirrors.any)
             if by_elements and is_packed(len(unknowns), len(elements)):
                 found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
                 rows, sees_out, raw = found
@@ -170,6 +176,9 @@ class FieldSolver:
             factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
         shares = LampShares.of(rows, surfaces, unknowns)
         light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
+        mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
+        if mirrored is not None:
+            factors = factors + unknowns.evenly(mirrored.rows)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
             system = RadiositySystem(
@@ -190,9 +199,9 @@ class FieldSolver:
             unknowns=unknowns,
             system=system,
             row_sums=unknowns.mean(raw),
-            kept=rows.sums[:, 0],
+            kept=self.mirrors.kept(rows, mirrored, surfaces),
             sees_out=sees_out,
-            arriving=Gathered.of(light, indirect, rows.variance_of(luminous(exitance))),
+            arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
             sent=sent,
             lamp_shares=shares,
             misplaced=misplaced,
@@ -222,12 +231,16 @@ class FieldSolver:
         light = self._incidence.on(
             asked, rows, field.surfaces, some, field.lamp_shares, sees_out=field.sees_out
         )
+        mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out)
         sent = np.concatenate([*field.sent.values()], axis=1)
         how = (asked.receivers, field.sources, budget.moments)
-        indirect = np.split(field.unknowns.gather(rows, *how, sent), len(field.sent), axis=1)
-        variance = rows.variance_of(luminous(field.exitance_told))
+        light_sent = field.unknowns.gather(rows, *how, sent)
+        if mirrored is not None:
+            light_sent = light_sent + multiplied(mirrored.rows, field.unknowns.mean(sent))
+        indirect = np.split(light_sent, len(field.sent), axis=1)
+        variance = variance_of(rows, mirrored, luminous(field.exitance_told))
         found = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
-        return found, rows.sums[:, 0]
+        return found, self.mirrors.kept(rows, mirrored, field.surfaces)
 
     def seen(self, grid: Sensors, budget: Budget, field: Field) -> SensorRows:
         """What sensors see, and direct light at the sensors themselves."""
@@ -249,9 +262,12 @@ class FieldSolver:
             self._factors.close(rows, totals, asked, spread=light.outside_variance)
         rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
-        return SensorRows(asked, rows, light)
+        mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out, fine=True)
+        return SensorRows(asked, rows, light, mirrored)
 
-    def gather(self, seen: SensorRows, field: Field, finer: Finer) -> tuple[Gathered, FloatArray]:
+    def gather(
+        self, grid: Sensors, seen: SensorRows, field: Field, finer: Finer
+    ) -> tuple[Gathered, FloatArray]:
         """Light at sensors, and by how much (m,) the finer light changed the indirect part. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
@@ -262,10 +278,16 @@ class FieldSolver:
                 asked.budget.moments,
                 np.concatenate(columns, axis=1),
             )
+            if seen.mirrored is not None:
+                means = finer.unknowns.mean(np.concatenate(columns, axis=1))
+                found = found + multiplied(seen.mirrored.rows, means)
         *parts, change = np.split(found, len(columns), axis=1)
         indirect = dict(zip(finer.sent, parts, strict=True))
-        variance = seen.rows.variance_of(luminous(field.exitance_told))
-        return Gathered.of(seen.light, indirect, variance), np.abs(luminous(change))
+        variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
+        gathered = Gathered.of(seen.light, indirect, variance)
+        budget = asked.budget
+        gathered = self.highlights.added(gathered, grid, seen.rows, field, finer, budget)
+        return gathered, np.abs(luminous(change))
 
     def _sees_out(self, rows: Rows, lit: NDArray[np.bool_]) -> bool:
         """Whether light may leave the scene from ``lit`` rows, beyond what sampling explains."""
@@ -306,3 +328,9 @@ class FieldSolver:
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
         sources = make_sources(elements, nets, cell_eps, scan)
         return sources, self.panes.lifts(lifts, surfaces.elements)
+
+
+def variance_of(rows: Rows, mirrored: Reflections | None, sent: FloatArray) -> FloatArray:
+    """Variance (m,) of what rows, and mirrors, gather when the elements send ``sent`` (n,)."""
+    found = rows.variance_of(sent)
+    return found if mirrored is None else found + multiplied(mirrored.variances, sent**2)

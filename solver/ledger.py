@@ -34,6 +34,7 @@ def make_balance(
     entered: FloatArray,
     material: IntArray,
     lamp: IntArray,
+    mirrored: FloatArray,
 ) -> Balance:
     """Add up fluxes over the elements.
 
@@ -50,8 +51,11 @@ def make_balance(
         By band; ``entered`` is the irradiance from sky, sun and ground.
     material, lamp : (n,) int array
         Material and luminaire of each element.
+    mirrored : (n,) array
+        Share of the light on each that it mirrors: that counts where it comes to.
     """
-    absorbed = luminous((1.0 - reflectance) * irradiance) * areas
+    stays = 1.0 - mirrored
+    absorbed = luminous((stays[:, None] - reflectance) * irradiance) * areas
     leaving = luminous(emitted + reflected) * areas
     names = [m.name or f"material {k + 1}" for k, m in enumerate(scene.materials)]
     by_material: dict[str, float] = {}
@@ -66,7 +70,7 @@ def make_balance(
         by_group[group] = by_group.get(group, 0.0) + float(source[lamp == row].sum())
     return Balance(
         emitted_lm=float(source.sum()),
-        entered_lm=float((luminous(entered) * areas).sum()),
+        entered_lm=float((luminous(entered) * areas) @ stays),
         absorbed_lm=float(absorbed.sum()),
         escaped_lm=float(leaving @ (1.0 - kept)),
         absorbed_by_material=by_material,

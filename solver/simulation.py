@@ -213,7 +213,7 @@ class _Simulation:
         error = MeshError(misplaced, lacking, finer.unseen, None if everywhere else tuple(lamps))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
-            gathered, change = solver.gather(seen[k], field, finer)
+            gathered, change = solver.gather(grid, seen[k], field, finer)
             sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, change))
             without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
         return _Solved(field, finer, balance, error, sensors, without_mesh)
@@ -253,6 +253,7 @@ class _Simulation:
             np.asarray(sum(entered, nothing)),
             surfaces.material[of],
             np.where(surfaces.web, -1, surfaces.lamp)[of],
+            solver.mirrors.share_of(surfaces)[of],
         )
         balance = solver.panes.in_ledger(
             balance,
@@ -316,6 +317,7 @@ class _Simulation:
                 emitted=field.surfaces.diffuse,
                 irradiance=finer.light.luminous(),
                 webs=solver.webs.lamps(self.budget.accuracy),
+                second=solver.highlights.for_pictures(field.surfaces, finer, self.budget),
             )
             for k, camera in enumerate(self.scene.cameras):
                 images[camera.name] = renderer.render(camera)

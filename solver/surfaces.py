@@ -63,7 +63,7 @@ class Surfaces:
 
     elements: Elements
     areas: FloatArray  # (n,) without the buried share [m²]
-    reflectance: FloatArray  # (n, b)
+    reflectance: FloatArray  # (n, b) diffuse and glossy
     emitted: FloatArray  # (n, b) mean over all directions [lm/m²]
     material: IntArray  # (n,) row of the scene's materials
     lamp: IntArray  # (n,) row of the scene's luminaires
@@ -75,7 +75,7 @@ class Surfaces:
         material, lamp = scene.material_index[where], scene.luminaire_index[where]
         rho = np.zeros((len(elements), bands))
         for row, m in enumerate(scene.materials):
-            rho[material == row] = m.bands[:bands]
+            rho[material == row] = m.scattered_bands[:bands]
         emitted = np.zeros_like(rho)
         for row, luminaire in enumerate(scene.luminaires):
             color = np.ones(1) if bands == 1 else np.asarray(luminaire.color)
@@ -97,7 +97,7 @@ class Surfaces:
 
 
 def reflectances(scene: SceneData) -> FloatArray:
-    """Luminous diffuse reflectance (p, 2) of both sides of every patch."""
+    """Luminous reflectance (p, 2), mirrors apart, of both sides of every patch."""
     out = np.zeros(scene.material_index.shape)
     for row, m in enumerate(scene.materials):
         out[scene.material_index == row] = m.luminous_reflectance

@@ -186,6 +186,10 @@ class Unknowns:
         sums = [self._sum(self._shares() * column) for column in flat.T]
         return np.stack(sums, axis=1).reshape(self.elements, *values.shape[1:])
 
+    def evenly(self, factors: MatrixArray) -> MatrixArray:
+        """Form factors (m, N) that see elements evenly, given those (m, n) of the elements."""
+        return np.asarray(factors[:, self.element] * self._shares().astype(factors.dtype))
+
     def mean_variance(self, values: FloatArray) -> FloatArray:
         """Variances (n,) of the means, for independent variances ``values`` (N,)."""
         return self._sum(self._shares() ** 2 * values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 
 import numpy as np
@@ -16,6 +16,8 @@ Reflectance = float | tuple[float, float, float]
 
 #: Luminance of linear sRGB primaries (IEC 61966-2-1), the weights of the three colour bands.
 LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
+#: Sharpest lobe: a twentieth of a degree wide. Use a mirror beyond it.
+MAX_EXPONENT = 1e6
 
 
 def _reflectance(name: str, value: object) -> Reflectance:
@@ -34,43 +36,104 @@ def _reflectance(name: str, value: object) -> Reflectance:
     return (float(array[0]), float(array[1]), float(array[2]))
 
 
+def _in_bands(value: Reflectance) -> FloatArray:
+    return np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))
+
+
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Opaque surface with Lambertian reflection.
+    """Opaque surface: a diffuse, a glossy and a mirroring share of reflection.
 
     Attributes
     ----------
     reflectance : float or (r, g, b)
         Diffuse reflectance, grey or per linear sRGB primary, 0 … 1.
+    specular : float or (r, g, b)
+        Glossy reflectance r_s of Phong's lobe r_s (n + 2)/(2π) cosⁿα about the mirrored direction.
+    exponent : float
+        Its sharpness n, 1 … 1e6: half of the light is within about √(1.4 / n) of its axis.
+    mirror : float or (r, g, b)
+        Share that is reflected as by a mirror.
     back : Material, optional
         Material of the other side of a sheet; the same when not given.
     name : str
         Shown in reports.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or all three shares together exceed 1 in a band.
     """
 
     reflectance: Reflectance = 0.5
-    back: Material | None = None
-    name: str = ""
+    specular: Reflectance = field(default=0.0, kw_only=True)
+    exponent: float = field(default=50.0, kw_only=True)
+    mirror: Reflectance = field(default=0.0, kw_only=True)
+    back: Material | None = field(default=None, kw_only=True)
+    name: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "reflectance", _reflectance("Material.reflectance", self.reflectance)
-        )
+        for share in ("reflectance", "specular", "mirror"):
+            value = _reflectance(f"Material.{share}", getattr(self, share))
+            object.__setattr__(self, share, value)
+        total = float((self.scattered_bands + self.mirror_bands).max())
+        if total > 1.0 + 1e-12:
+            raise InputError(
+                f"Material: reflectance + specular + mirror = {total:g}: must not exceed 1 in any "
+                "band"
+            )
+        if not 1.0 <= self.exponent <= MAX_EXPONENT:
+            raise InputError(
+                f"Material.exponent = {self.exponent}: must lie between 1 and {MAX_EXPONENT:g}"
+            )
+        object.__setattr__(self, "exponent", float(self.exponent))
 
     @property
     def bands(self) -> FloatArray:
-        """Reflectance in the three colour bands, shape (3,)."""
-        return np.broadcast_to(np.asarray(self.reflectance, dtype=np.float64), (3,))
+        """Diffuse reflectance in the three colour bands, shape (3,)."""
+        return _in_bands(self.reflectance)
+
+    @property
+    def specular_bands(self) -> FloatArray:
+        """Glossy reflectance in the three colour bands, shape (3,)."""
+        return _in_bands(self.specular)
+
+    @property
+    def mirror_bands(self) -> FloatArray:
+        """Mirroring share in the three colour bands, shape (3,)."""
+        return _in_bands(self.mirror)
+
+    @property
+    def scattered_bands(self) -> FloatArray:
+        """Diffuse and glossy reflectance together, shape (3,): what interreflection knows."""
+        return self.bands + self.specular_bands
 
     @property
     def is_grey(self) -> bool:
         """Whether all bands reflect alike."""
-        return bool(np.ptp(self.bands) == 0.0)
+        shares = (self.bands, self.specular_bands, self.mirror_bands)
+        return all(bool(np.ptp(share) == 0.0) for share in shares)
+
+    @property
+    def is_glossy(self) -> bool:
+        """Whether it has a glossy share."""
+        return bool(self.specular_bands.any())
+
+    @property
+    def is_mirror(self) -> bool:
+        """Whether it has a mirroring share."""
+        return bool(self.mirror_bands.any())
 
     @property
     def luminous_reflectance(self) -> float:
-        """Reflectance weighted by the luminance of the primaries."""
-        return float(self.bands @ np.array(LUMINANCE_WEIGHTS))
+        """Diffuse and glossy reflectance, weighted by the luminance of the primaries."""
+        return float(self.scattered_bands @ np.array(LUMINANCE_WEIGHTS))
+
+    @property
+    def luminous_mirror(self) -> float:
+        """Mirroring share of grey light: luminous, and no more than any band has left."""
+        left = 1.0 - float(self.scattered_bands.max())
+        return min(float(self.mirror_bands @ np.array(LUMINANCE_WEIGHTS)), max(left, 0.0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,6 +90,17 @@ def test_everything_a_scene_file_can_say(folder):
     assert scene.requirements[0].min == 500
 
 
+def test_shares_of_reflection(folder):
+    line = "reflectance = 0.2, specular = [0.1, 0.2, 0.3], exponent = 80, mirror = 0.4"
+    text = HEAD + f"[[assign]]\nparts = 'desk'\nmaterial = {{ {line} }}\n"
+    (material,) = [m for m in load_scene(write(folder, text)).freeze().materials if m.is_mirror]
+    assert (material.reflectance, material.mirror, material.exponent) == (0.2, 0.4, 80.0)
+    assert material.specular == (0.1, 0.2, 0.3)
+    assert "specular 0.1 0.2 0.3 n 80" in material.name and "mirror 0.4" in material.name
+    with pytest.raises(InputError, match=r"assign\[0\]\.material: .*= 1\.1: must not exceed 1"):
+        load_scene(write(folder, text.replace("reflectance = 0.2", "reflectance = 0.4")))
+
+
 def test_resolved_config_runs_again(folder):
     path = write(folder, FULL)
     text = resolved_config(read_scene_file(path), folder)
@@ -109,7 +120,7 @@ file = "nofile.step"
 scale = -1
 [[assign]]
 parts = "wall*"
-material = { reflectance = nan, specular = 0.1 }
+material = { reflectance = nan, speculr = 0.1 }
 [[assign]]
 parts = "wall*"
 material = { reflectance = [0.1, 0.2, 3] }
@@ -151,7 +162,7 @@ def test_all_problems_at_once_with_their_keys(tmp_path):
         "model[0].file",
         "model[0].scale",
         "assign[0].material.reflectance",
-        "assign[0].material.specular",
+        "assign[0].material.speculr",
         "assign[1].material",
         "assign[2].emitter",
         "assign[3]",
@@ -268,7 +279,6 @@ def test_misspelled_grids_of_requirements_get_a_hint(folder):
         "daylight_factor = true",
         "[[state]]\nname = 'open'",
         "[sky]\nmodel = 'perez'",
-        "[[assign]]\nparts = 'desk'\nmaterial = { mirror = 0.5 }",
         "[[assign]]\nparts = 'desk'\nemitter = { flux_lm = 1, profile = 'a.txt' }",
         "[[sensors]]\nname = 'a'\nz_m = 1\nquantity = 'cylindrical'",
     ],

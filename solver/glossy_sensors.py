@@ -1,0 +1,266 @@
+"""Highlights at sensors: what glossy surfaces send them by the lobe instead of evenly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .budget import Budget
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import bernstein, bernstein_derivative, gauss_rule
+from .model.result import luminous
+from .model.views import Sensors
+from .raycast import RayCaster
+from .second_pass import SecondPass
+
+if TYPE_CHECKING:
+    from .field import Field
+    from .incident import Gathered
+
+#: Form factor of a glossy element that does not matter.
+_LEAST = 1e-7
+#: Cells for a form factor of 1: for broad lobes, and more for each unit of the exponent, so that a
+#: highlight is not between them; most a direction on one element.
+_CELLS, _SHARP, _MOST_CELLS = 100.0, 0.5, 12
+#: Light of a cell's own deviation, against what the accuracy allows, from which it is cut in four;
+#: how often, and how many cells there are at most.
+_CUT, _LEVELS, _MOST = 0.5, 6, 200_000
+#: Deviation of the mean over a cell's Gauss points against that of the points: measured on floors.
+_DEVIATION = 0.1
+#: Accuracy of lamps in a lobe against that asked for, and rays a direction for all else.
+_LAMPS, _RAYS = 1.0, 2
+#: Two Gauss points on [0, 1].
+_AT = np.array([0.21132486540518713, 0.7886751345948129])
+#: Points evaluated at a time.
+_BLOCK = 20_000
+
+
+@dataclass(eq=False)
+class Cells:
+    """Parts of glossy elements as sensors see them; row i of every array is the same cell.
+
+    Attributes
+    ----------
+    sensor, element : (k,) int array
+        Who sees what.
+    boxes : (k, 4) array
+        Parameter box on the element's patch.
+    factor : (k,) array
+        Form factor of the cell.
+    """
+
+    sensor: IntArray
+    element: IntArray
+    boxes: FloatArray
+    factor: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.sensor)
+
+    def take(self, rows: IntArray) -> Cells:
+        """Some of them."""
+        return Cells(self.sensor[rows], self.element[rows], self.boxes[rows], self.factor[rows])
+
+    def quartered(self) -> Cells:
+        """Each cut in four, whose factors are not yet those of the quarters but those of all."""
+        u0, u1, v0, v1 = self.boxes.T
+        u, v = 0.5 * (u0 + u1), 0.5 * (v0 + v1)
+        parts = [(u0, u, v0, v), (u, u1, v0, v), (u0, u, v, v1), (u, u1, v, v1)]
+        boxes = np.stack([np.stack(part, axis=1) for part in parts], axis=1)
+        return Cells(
+            np.repeat(self.sensor, 4),
+            np.repeat(self.element, 4),
+            boxes.reshape(-1, 4),
+            np.repeat(self.factor, 4),
+        )
+
+
+class SensorLobes:
+    """Highlights at the sensors of one solved scene.
+
+    Parameters
+    ----------
+    second : SecondPass
+        Of the scene.
+    field : Field
+        The solution.
+    budget : Budget
+        Tolerances.
+    """
+
+    def __init__(self, second: SecondPass, field: Field, budget: Budget) -> None:
+        self.second, self.budget = second, budget
+        self.elements = elements = second.surfaces.elements
+        where = (elements.patch_index, elements.side)
+        self.specular = second.sides.specular[where]
+        self.exponent = second.sides.exponent[where]
+        self.glossy = np.flatnonzero(self.specular.any(axis=1))
+        parts, unknowns = field.arriving.components, field.unknowns
+        self._arriving = np.stack(
+            [parts[f"{g}.direct"] + parts[f"{g}.indirect"] for g in second.groups], axis=1
+        )
+        self._mean = unknowns.mean(self._arriving)
+        count = np.bincount(unknowns.element, minlength=len(elements))
+        self._first = np.searchsorted(unknowns.element, np.arange(len(elements)))
+        self._order = math.isqrt(int(count.max(initial=1)))
+        self._whole = count == self._order**2
+        self.caster = RayCaster(second.scene.patches)
+
+    def change(
+        self, grid: Sensors, seen: FloatArray, gathered: Gathered
+    ) -> tuple[FloatArray, FloatArray, int]:
+        """What lobes change at m sensors (m, g, b) [lx], its variance (m,), and points looked at.
+
+        ``seen`` (m, k) are the form factors of the glossy elements.
+        """
+        groups, bands = self.second.groups, self.second.bands
+        out, variance = np.zeros((len(grid), len(groups), bands)), np.zeros(len(grid))
+        tolerance = _CUT * self.budget.accuracy * np.maximum(gathered.luminous(), 1e-300)
+        cells, parents = self._begin(seen)
+        count = 0
+        for level in range(_LEVELS + 1):
+            if not len(cells):
+                break
+            value, deviation, share = self._evaluate(cells, grid)
+            count += 4 * len(cells)
+            # What was known of the whole is parted as the quarters show it.
+            total = np.bincount(parents, share, int(parents.max()) + 1)[parents]
+            cells.factor = cells.factor * np.where(
+                total > 0.0, share / np.maximum(total, 1e-300), 0
+            )
+            error = np.pi * cells.factor * deviation
+            cut = error > tolerance[cells.sensor]
+            if level == _LEVELS or 4 * int(cut.sum()) > _MOST:
+                cut[:] = False
+            done = ~cut
+            light = np.pi * cells.factor[done, None, None] * value[done]
+            np.add.at(out, cells.sensor[done], light)
+            np.add.at(variance, cells.sensor[done], (_DEVIATION * error[done]) ** 2)
+            cells = cells.take(np.flatnonzero(cut)).quartered()
+            parents = np.repeat(np.arange(len(cells) // 4), 4)
+        return out, variance, count
+
+    def _irradiance(self, element: IntArray, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Illuminance (k, g, b) at places (k,) on elements, or its mean where nodes lack. [lx]"""
+        out = self._mean[element]
+        whole = np.flatnonzero(self._whole[element])
+        own = element[whole]
+        u0, u1, v0, v1 = self.elements.boxes[own].T
+        share_u = _between((u[whole] - u0) / (u1 - u0), self._order)
+        share_v = _between((v[whole] - v0) / (v1 - v0), self._order)
+        # Nets of − sides run the other way along u.
+        back = self.elements.side[own] == 1
+        share_u[back] = share_u[back, ::-1]
+        shares = (share_u[:, :, None] * share_v[:, None, :]).reshape(len(own), -1)
+        rows = self._first[own][:, None] + np.arange(self._order**2)
+        out[whole] = np.einsum("kq,kqgb->kgb", shares, self._arriving[rows])
+        return out
+
+    def _begin(self, seen: FloatArray) -> tuple[Cells, IntArray]:
+        """Cells to begin with, and the row of sensor and element that each belongs to."""
+        sensor, column = np.nonzero(seen > _LEAST)
+        element, factor = self.glossy[column], seen[sensor, column]
+        wanted = np.sqrt(factor * (_CELLS + _SHARP * self.exponent[element]))
+        sides = np.clip(np.ceil(wanted), 1, _MOST_CELLS).astype(np.int64)
+        repeat = sides**2
+        parents = np.repeat(np.arange(len(sensor)), repeat)
+        place = np.arange(len(parents)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
+        i, j = np.divmod(place, sides[parents])
+        u0, u1, v0, v1 = self.elements.boxes[element[parents]].T
+        k = sides[parents]
+        boxes = np.stack(
+            [
+                u0 + (u1 - u0) * i / k,
+                u0 + (u1 - u0) * (i + 1) / k,
+                v0 + (v1 - v0) * j / k,
+                v0 + (v1 - v0) * (j + 1) / k,
+            ],
+            axis=1,
+        )
+        return Cells(sensor[parents], element[parents], boxes, factor[parents]), parents
+
+    def _evaluate(self, cells: Cells, grid: Sensors) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Change of radiance (k, g, b), its luminous deviation (k,), and geometric shares (k,)."""
+        k = len(cells)
+        value = np.zeros((k, len(self.second.groups), self.second.bands))
+        deviation, share = np.zeros(k), np.zeros(k)
+        for first in range(0, k, _BLOCK // 4):
+            rows = slice(first, min(first + _BLOCK // 4, k))
+            own = cells.take(np.arange(rows.start, rows.stop))
+            light, weight = self._points(own, grid)
+            total = weight.sum(axis=1)
+            part = weight / np.where(total > 0.0, total, 1.0)[:, None]
+            mean = np.einsum("kq,kqgb->kgb", part, light)
+            bright = luminous(light.sum(axis=2))
+            middle = luminous(mean.sum(axis=1))
+            value[rows], share[rows] = mean, total
+            spread = (part * (bright - middle[:, None]) ** 2).sum(axis=1)
+            deviation[rows] = np.sqrt(spread)
+        return value, deviation, share
+
+    def _points(self, cells: Cells, grid: Sensors) -> tuple[FloatArray, FloatArray]:
+        """Change of radiance (k, 4, g, b) at four points a cell, and their weights (k, 4)."""
+        second, elements = self.second, self.elements
+        u0, u1, v0, v1 = cells.boxes.T
+        u = u0[:, None] + (u1 - u0)[:, None] * _AT[[0, 0, 1, 1]]
+        v = v0[:, None] + (v1 - v0)[:, None] * _AT[[0, 1, 0, 1]]
+        patch = elements.patch_index[cells.element]
+        nets = second.scene.patches.control_points[patch]
+        at, su, sv = points_of(nets, u, v)
+        normal = np.cross(su, sv)
+        size = np.linalg.norm(normal, axis=2)
+        area = size * ((u1 - u0) * (v1 - v0))[:, None]
+        normal /= np.where(size > 0.0, size, 1.0)[..., None]
+        normal[elements.side[cells.element] == 1] *= -1.0
+        away = grid.points[cells.sensor][:, None] - at
+        distance = np.linalg.norm(away, axis=2)
+        away /= np.maximum(distance, 1e-300)[..., None]
+        there = np.einsum("kqc,kqc->kq", away, normal)
+        here = -np.einsum("kqc,kc->kq", away, grid.normals[cells.sensor])
+        weight = area * np.maximum(there, 0.0) * np.maximum(here, 0.0)
+        weight /= np.maximum(distance, 1e-300) ** 2
+        if second.trace:
+            rows = np.nonzero(weight > 0.0)
+            hidden = self.caster.any_hit(
+                at[rows], away[rows], t_min=second.near, t_max=distance[rows] - second.near
+            )
+            weight[rows[0][hidden], rows[1][hidden]] = 0.0
+        light = np.zeros((*weight.shape, len(second.groups), second.bands))
+        rows = np.nonzero(weight > 0.0)
+        element = cells.element[rows[0]]
+        before = self._irradiance(element, u[rows], v[rows]) / np.pi
+        found, albedo = second.lobes(
+            at[rows], normal[rows], away[rows], self.exponent[element],
+            np.abs(luminous(before.sum(axis=1))),
+            accuracy=_LAMPS * self.budget.accuracy, rays=_RAYS, by_group=True,
+        )  # fmt: skip
+        change = self.specular[element][:, None, :] * (found - albedo[:, None, None] * before)
+        light[rows] = change
+        return light, weight
+
+
+def _between(t: FloatArray, order: int) -> FloatArray:
+    """Shares (k, order) of Gauss nodes on [0, 1] in what is at ``t`` (k,), by Lagrange."""
+    nodes = gauss_rule(order)[0]
+    out = np.ones((len(t), order))
+    for a in range(order):
+        for b in range(order):
+            if a != b:
+                out[:, a] *= (t - nodes[b]) / (nodes[a] - nodes[b])
+    return out
+
+
+def points_of(
+    nets: FloatArray, u: FloatArray, v: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points and derivatives (k, q, 3) of nets (k, 4, 4, 4), each at its own parameters (k, q)."""
+    bu, bv = bernstein(u), bernstein(v)
+    h = np.einsum("kqi,kqj,kijc->kqc", bu, bv, nets, optimize=True)
+    hu = np.einsum("kqi,kqj,kijc->kqc", bernstein_derivative(u), bv, nets, optimize=True)
+    hv = np.einsum("kqi,kqj,kijc->kqc", bu, bernstein_derivative(v), nets, optimize=True)
+    w = h[..., 3:]
+    at = h[..., :3] / w
+    return at, (hu[..., :3] - hu[..., 3:] * at) / w, (hv[..., :3] - hv[..., 3:] * at) / w

@@ -1,0 +1,141 @@
+"""Direct light by way of mirrors, by light group."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from .dome_jobs import dome_jobs
+from .exchange import Rows, products
+from .kernels.pyramid import Blockers
+from .mirrors import Mirrors, Reflections
+from .model.arrays import FloatArray
+from .model.result import luminous
+from .model.scene import SceneData
+from .model.sky import CIESky
+from .row_finder import Ask
+from .stages import Stages
+from .surfaces import Surfaces
+from .web_field import WebField
+
+
+class Direct(Protocol):
+    """Direct light that is added to: by group (m, b), and the variance (m,) of what is sampled."""
+
+    direct: dict[str, FloatArray]
+    variance: FloatArray
+
+
+class MirrorLight(Mirrors):
+    """The mirrors of one scene, and the light they give.
+
+    Parameters
+    ----------
+    scene : SceneData
+        The scene.
+    blockers : Blockers
+        Its patches as obstacles.
+    webs : WebField
+        Its lamps with webs.
+    bands : int
+        Bands of light.
+    stages : Stages
+        Receives times, counters and warnings.
+    """
+
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, webs: WebField, bands: int, stages: Stages
+    ) -> None:
+        super().__init__(scene, blockers, stages)
+        self.webs, self.bands = webs, bands
+
+    def add(
+        self,
+        light: Direct,
+        rows: Rows,
+        surfaces: Surfaces,
+        asked: Ask,
+        sees_out: bool,
+        *,
+        fine: bool = False,
+        stage: str | None = None,
+    ) -> Reflections | None:
+        """Add lamps, sky, sun and ground in mirrors to ``light``; returns what else they show.
+
+        Parameters
+        ----------
+        light : Direct
+            Changed in place; every group that may be seen is there. [lx]
+        rows : Rows
+            Form factors of m receivers, without mirrors.
+        surfaces : Surfaces
+            The elements they go to.
+        asked : Ask
+            What the rows were asked for.
+        sees_out : bool
+            Whether light can leave the scene.
+        fine : bool
+            Whether the receivers are sensors, which nothing averages.
+        stage : str, optional
+            Stage that the time is counted to; one of its own when not given.
+        """
+        if not self.any:
+            return None
+        with self.stages.run(stage or "mirrors"):
+            jobs = dome_jobs(self.scene, asked.budget, self.bands) if sees_out else []
+            for job in jobs:
+                # Elements, of which there are many, see sky and ground along rays.
+                if fine or job.name == "sun":
+                    found, variance = self.dome(
+                        rows,
+                        asked.receivers,
+                        surfaces,
+                        job.cells,
+                        job.luminance,
+                        sun=self.scene.sun if job.name == "sun" else None,
+                        # Edges of parts of the sun's disc cancel to little of themselves.
+                        eps=1e-9 if job.name == "sun" else asked.budget.eps,
+                        cell_eps=job.cell_eps,
+                    )
+                    light.direct[job.name] = light.direct[job.name] + found[:, None] * job.color
+                    light.variance += variance
+            self._add_webs(light, rows, surfaces, asked, fine)
+            seen = self.reflect(rows, surfaces, asked, fine=fine)
+            emitted, lamp = surfaces.emitted[seen.emits], surfaces.lamp[seen.emits]
+            for group in dict.fromkeys(one.group for one in self.scene.luminaires):
+                rows_of = [k for k, one in enumerate(self.scene.luminaires) if one.group == group]
+                own = np.where(np.isin(lamp, rows_of)[:, None], emitted, 0.0)
+                light.direct[group] = light.direct[group] + products(seen.lamps, own)
+            emitted = luminous(emitted)
+            light.variance += products(seen.lamp_variances, emitted**2)
+            for job in jobs:
+                if job.name != "sun":
+                    found, variance = seen.away[job.name]
+                    level = np.pi * (1.0 if isinstance(job.luminance, CIESky) else job.luminance)
+                    light.direct[job.name] = (
+                        light.direct[job.name] + level * found[:, None] * job.color
+                    )
+                    light.variance += level**2 * variance
+        return seen
+
+    def _add_webs(
+        self, light: Direct, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool
+    ) -> None:
+        """Add lamps with webs: seen from the image, their light takes its true direction."""
+        for lamp in self.webs.lamps(asked.budget.accuracy):
+            own = np.flatnonzero(surfaces.lamp == lamp.row)
+            color = np.ones(1) if self.bands == 1 else np.asarray(lamp.luminaire.color)
+            group = lamp.luminaire.group
+            for window in self.windows:
+                seen = self.through(window, rows, surfaces, asked, own, fine)
+                if seen is None:
+                    continue
+                plain, _ = self.factors(window, seen.images, seen.parts, asked, fine, hiding=False)
+                found = lamp.light(
+                    seen.images, seen.parts, seen.factors, seen.variances, plain, coarse=not fine
+                )
+                added = np.zeros_like(light.direct[group])
+                added[seen.looking] = window.share * found.illuminance[:, None] * color
+                light.direct[group] = light.direct[group] + added
+                light.variance[seen.looking] += window.share**2 * found.variance
