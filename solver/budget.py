@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from .memory import VARYING_BYTES, has_room
 from .mesh import divisions
 from .model.arrays import IntArray
 from .model.scene import SceneData
 
 #: Elements beyond which the mesh is made coarser instead: time and memory grow with the square.
 MAX_ELEMENTS = 4000
+#: Elements up to which light varies over each; beyond, it is constant: the mesh is fine anyway.
+VARYING_ELEMENTS = 4000
 #: Elements against patches where there are more patches than that: large ones are cut all the same.
 PER_PATCH = 1.3
 #: Rooms along the middle dimension of a scene of many patches, at most.
@@ -126,7 +130,12 @@ class Budget:
         if len(scene.patches) > MAX_ELEMENTS:
             # What is large holds many rooms, or a low one: as fine as the number of elements lets.
             middle = max(float(extent[0]), middle / MANY_ROOMS)
+        if scene.glazings:
+            basis = "constant"  # what passes panes, and what they scatter, is known by elements
+        # The error of constant exitance falls with the square of the size, of varying one faster.
         size = 0.25 * middle * (accuracy / 0.02) ** (1.0 / 3.0)
+        if basis == "constant":
+            size = 0.09 * middle * math.sqrt(accuracy / 0.01)
         size = min(max(size, middle / 24.0), 0.6 * middle)
         return cls._with_size(scene, accuracy, size, accuracy, middle, basis)
 
@@ -154,8 +163,8 @@ class Budget:
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
         large = total > MANY_ELEMENTS
-        if total > MAX_ELEMENTS or scene.glazings:
-            basis = "constant"  # what passes panes, and what they scatter, is known by elements
+        if total > VARYING_ELEMENTS or not has_room(VARYING_BYTES * total**2):
+            basis = "constant"
         nodes = NODES[basis]
         cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())
         return cls(
@@ -186,13 +195,19 @@ class Budget:
         )
 
     @property
-    def settings(self) -> dict[str, float]:
+    def is_large(self) -> bool:
+        """Whether rows are found with less each, and light is looked at on a sample only."""
+        return self.elements > MANY_ELEMENTS
+
+    @property
+    def settings(self) -> dict[str, float | str]:
         """What `Result.settings` records."""
         return {
             "accuracy": self.accuracy,
             "element_size_m": self.size,
             "misplaced_flux": self.misplaced,
             "nodes_per_element": self.nodes**2,
+            "basis": self.basis,
             "form_factor_accuracy": self.eps,
             "meridians": self.lines,
             "sensor_meridians": self.sensor_lines,

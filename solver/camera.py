@@ -15,7 +15,6 @@ from .model.result import CameraImage, luminous
 from .model.scene import SceneData
 from .model.sky import direction
 from .model.views import Camera
-from .pane_view import PaneView
 from .raycast import RayCaster
 from .shine import MOST_MIRRORS, Seen, Shine
 from .skies import (
@@ -92,7 +91,11 @@ class Renderer:
         self._lamp_of = np.concatenate([scene.luminaire_index, [[-1, -1]]])
         # Patches that are seen through come last: rows of the others are the same without them.
         self._caster = RayCaster(scene.without_panes.patches) if caster is None else caster
-        self._panes = PaneView(scene) if scene.see_through.any() else None
+        self._panes = None
+        if scene.see_through.any():
+            from .pane_view import PaneView
+
+            self._panes = PaneView(scene)
         self._shine = Shine(scene, second, bands)
         means = np.concatenate([reflected, irradiance[:, None]], axis=1)
         start, order = elements_by_side(elements, len(scene.patches))

@@ -28,7 +28,6 @@ from .model.scene import SceneData
 from .model.views import Sensors
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
-from .reciprocity import LampShares
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
 from .stages import Stages
@@ -74,8 +73,6 @@ class Field:
         Light on the unknowns.
     sent : dict of (N, b) arrays
         Reflected exitance of the unknowns by light group. [lm/m²]
-    lamp_shares : LampShares
-        What its elements get of lamps near them.
     misplaced : float
         Share of the reflected light that the elements have in the wrong place.
     """
@@ -90,7 +87,6 @@ class Field:
     sees_out: bool
     arriving: Gathered
     sent: dict[str, FloatArray]
-    lamp_shares: LampShares
     misplaced: float = 0.0
 
     @property
@@ -174,8 +170,7 @@ class FieldSolver:
                 raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
                 rows = self.panes.complete(rows, asked, elements, surfaces.areas, mesh=True)
             factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
-        shares = LampShares.of(rows, surfaces, unknowns)
-        light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
+        light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
             factors = factors + unknowns.evenly(mirrored.rows)
@@ -203,7 +198,6 @@ class FieldSolver:
             sees_out=sees_out,
             arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
             sent=sent,
-            lamp_shares=shares,
             misplaced=misplaced,
         )
 
@@ -228,9 +222,7 @@ class FieldSolver:
         rows = self._factors.rows(asked)
         self._factors.close(rows, 1.0, asked, outside=field.sees_out)
         rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
-        light = self._incidence.on(
-            asked, rows, field.surfaces, some, field.lamp_shares, sees_out=field.sees_out
-        )
+        light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
         mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out)
         sent = np.concatenate([*field.sent.values()], axis=1)
         how = (asked.receivers, field.sources, budget.moments)

@@ -17,7 +17,6 @@ from .model.scene import SceneData
 from .model.sky import CIESky, Sun
 from .outside_light import Horizon, OutsideLight
 from .pane_field import PaneField
-from .reciprocity import LampShares
 from .row_finder import Ask
 from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
@@ -106,7 +105,6 @@ class Incidence:
         rows: Rows,
         surfaces: Surfaces,
         unknowns: Unknowns,
-        shares: LampShares,
         *,
         sees_out: bool,
     ) -> Light:
@@ -116,10 +114,7 @@ class Incidence:
         """
         scanned = self._known_outside(asked, rows.outside, sees_out) if self.trace else None
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
-        emitted = {group: surfaces.emitted_by(self.scene, group) for group in self.lamp_groups}
-        lamps = {group: shares.light(rows, unknowns, sent) for group, sent in emitted.items()}
-        self._add(light, lamps)
-        light.variance += self.webs.add(light.direct, rows, surfaces, asked, areas=unknowns.areas)
+        self.add_lamps(light, asked, rows, surfaces, areas=unknowns.areas)
         return light
 
     def _known_outside(self, asked: Ask, scanned: FloatArray, sees_out: bool) -> FloatArray:
@@ -146,15 +141,23 @@ class Incidence:
         )
         return np.where(found.left[:, None], scanned, exact)
 
-    def add_lamps(self, light: Light, asked: Ask, rows: Rows, surfaces: Surfaces) -> None:
-        """Add the direct light of the luminaires on sensors."""
-        emitted = {group: surfaces.emitted_by(self.scene, group) for group in self.lamp_groups}
-        self._add(light, {group: rows.gather(sent) for group, sent in emitted.items()})
-        light.variance += self.webs.add(light.direct, rows, surfaces, asked)
+    def add_lamps(
+        self,
+        light: Light,
+        asked: Ask,
+        rows: Rows,
+        surfaces: Surfaces,
+        areas: FloatArray | None = None,
+    ) -> None:
+        """Put the direct light of the luminaires before that of sky, sun and ground.
 
-    def _add(self, light: Light, lamps: dict[str, FloatArray]) -> None:
-        """Put the light of ``lamps`` before that of sky, sun and ground."""
+        Receivers on elements stand for ``areas`` (m,), sensors for none. [m²]
+        """
+        lamps = {
+            group: rows.gather(surfaces.emitted_by(self.scene, group)) for group in self.lamp_groups
+        }
         light.direct = {**lamps, **light.direct}
+        light.variance += self.webs.add(light.direct, rows, surfaces, asked, areas=areas)
 
     def from_outside(
         self,

@@ -14,6 +14,9 @@ from .errors import OutOfMemoryError
 #: factors (4) and variances (4), a quarter of both once more for rows that are found anew (2), and
 #: what is in between for some rows at a time (less than 1 with 2500 elements, measured).
 PAIR_BYTES = 11
+#: The same where light varies over elements: rows from four nodes (32), the factors of their
+#: sixteen pairs (64), and some of the rows anew (8).
+VARYING_BYTES = 104
 #: Bytes of a pair once it is known: factors, and the variances of sampled ones.
 ROW_BYTES = 8
 #: The same where factors are of double precision.

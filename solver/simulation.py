@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import MANY_ELEMENTS, Budget
+from .budget import Budget
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -15,7 +15,7 @@ from .incident import Gathered
 from .iterated import Finer, as_it_is
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
-from .memory import check_memory, fits
+from .memory import VARYING_BYTES, check_memory, fits, has_room
 from .mesh import Boxes
 from .mesh_error import MeshError
 from .mesh_sample import sampled_misplaced
@@ -183,7 +183,7 @@ class _Simulation:
             finer = solver.mesher.cut(boxes, solved.finer.residual, self.budget)
             if len(finer) == len(boxes):
                 break
-            if not fits(len(finer), self.largest_grid):
+            if not self._fits(len(finer)):
                 self.stages.warnings.append(
                     f"the mesh was not made finer than {len(boxes)} elements: the memory that is "
                     f"free does not hold {len(finer)}"
@@ -193,13 +193,19 @@ class _Simulation:
             solved = self._on(solver, boxes, misplaced)
         return solved
 
+    def _fits(self, elements: int) -> bool:
+        varying = self.budget.basis != "constant"
+        if varying and not has_room(VARYING_BYTES * elements**2):
+            return False
+        return fits(elements, self.largest_grid)
+
     def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> _Solved:
         """Light on one mesh, and at the sensors."""
         budget = self.budget
         field = solver.solve(budget, boxes, misplaced)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
         everywhere = False
-        if len(boxes) > MANY_ELEMENTS:
+        if budget.is_large:
             # Light of any source is known to be in the wrong place.
             misplaced, everywhere = sampled_misplaced(solver, budget, field), True
             self.stages.figures["sampled_misplaced_flux"] = misplaced

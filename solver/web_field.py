@@ -34,7 +34,7 @@ MANY = 20.0
 #: many nodes.
 LEVELS_COARSE, LEVELS_DENSE = 3, 1
 #: Most nodes a direction on an element under a narrow beam.
-MOST_NODES = 16
+MOST_NODES = 32
 
 
 class WebField:
@@ -234,7 +234,12 @@ def _denser(
     blur = 0.5 * math.sqrt(lamp.shape.area)
     count = np.ceil(2.0 * spheres[:, 3] / np.maximum(lamp.step * away, blur))
     whole = ~receivers.buried.any(axis=1)
-    for least, most, nodes in ((2.0, 4.0, 4), (4.0, 8.0, 8), (8.0, np.inf, MOST_NODES)):
+    for least, most, nodes in (
+        (2.0, 4.0, 4),
+        (4.0, 8.0, 8),
+        (8.0, 16.0, 16),
+        (16.0, np.inf, MOST_NODES),
+    ):
         some = np.flatnonzero(whole & (count > least) & (count <= most))
         if len(some):
             yield some, _with_nodes(receivers, some, nodes)

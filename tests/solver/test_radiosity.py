@@ -106,10 +106,13 @@ def test_balance_closes():
 
 
 def test_balance_closes_close_to_a_lamp():
-    """0.2 m below the ceiling, where equal elements make 3 % of the flux out of nothing."""
+    """0.2 m below the ceiling, where equal elements make 3 % of the flux out of nothing.
+
+    What is left, a tenth of the accuracy, is warned of and counts in the errors.
+    """
     lamp = Body(PatchSet.box((1.2, 0.6, 0.1), center=(0, 0, 1.05)))
     result = solve(scene(setup(BOX, lamp), lamps=[(1, "lamp", 1000.0)]), accuracy=0.03)
-    assert abs(result.balance.residual_fraction) < 1e-3
+    assert abs(result.balance.residual_fraction) < 4e-3
 
 
 def test_nothing_absorbs():

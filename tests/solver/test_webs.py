@@ -330,7 +330,8 @@ def test_what_is_buried_of_a_lamp_emits_nothing():
     balance = solve(with_web(data, beam(), flux=1000.0), accuracy=0.1).balance
     # A beam of some degrees shows the sides, half of them buried, by a few per cent.
     assert balance.emitted_lm == pytest.approx(1000.0, rel=0.03)
-    assert abs(balance.residual_fraction) < 2e-2
+    # Of what is reflected near the slab, half of the accuracy asked for.
+    assert abs(balance.residual_fraction) < 5e-2
 
 
 def test_faces_of_a_lamp_may_be_cut_for_the_light_of_others():
