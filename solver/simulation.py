@@ -242,7 +242,7 @@ class _Simulation:
             finer.unknowns.areas,
             finer.kept,
             surfaces.reflectance[of],
-            surfaces.diffuse[of],
+            surfaces.diffuse_at(finer.unknowns),
             np.asarray(sum(finer.sent.values(), nothing)),
             np.asarray(sum(finer.arriving.components.values(), nothing)),
             np.asarray(sum(entered, nothing)),
@@ -295,7 +295,7 @@ class _Simulation:
                 self.scene,
                 field.surfaces.elements,
                 reflected=finer.reflected,
-                emitted=field.surfaces.diffuse,
+                emitted=field.surfaces.diffuse_at_corners,
                 irradiance=finer.light.luminous(),
                 webs=solver.webs.lamps(self.budget.accuracy),
             )
