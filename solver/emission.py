@@ -54,8 +54,12 @@ class Emission:
         Mean of what the polynomials miss. [lm/m²]
     color : (c, b) array
         Of the light, of luminance 1.
+    span : (c,) array
+        Change over the element. [lm/m²]
     basis : Basis
         The polynomials.
+    scale : dict
+        Exitance for a profile of 1, by luminaire. [lm/m²]
     """
 
     element: IntArray
@@ -64,7 +68,9 @@ class Emission:
     values: FloatArray
     missed: FloatArray
     color: FloatArray
+    span: FloatArray
     basis: Basis
+    scale: dict[int, float]
 
     @classmethod
     def of(
@@ -81,19 +87,46 @@ class Emission:
             return None
         element, shape = element[kept], shape.take(kept)
         own, lamp = elements.take(element), lamp[element]
-        mean, values, missed = shape.mean, shape.values, shape.missed
-        color = np.ones((len(own), bands))
+        scale = {}
         for row in np.unique(lamp):
-            one, here = scene.luminaires[row], np.flatnonzero(lamp == row)
-            flux = float(mean[here] @ own.areas[here])
+            one, here = scene.luminaires[row], lamp == row
+            flux = float(shape.mean[here] @ own.areas[here])
             if not flux > 0.0:
                 raise InputError(f"emitter of {one.part}: its profile is 0 everywhere")
-            scale = one.flux_lm / flux
-            values[here] *= scale
-            mean[here] *= scale
-            missed[here] *= scale
-            color[here] = 1.0 if bands == 1 else np.asarray(one.color)
-        return cls(element, lamp, mean, values, missed, color, _basis(shape.points, shape.vectors))
+            scale[int(row)] = one.flux_lm / flux
+        return cls._of(scene, shape, element, lamp, bands, scale)
+
+    @classmethod
+    def _of(
+        cls,
+        scene: SceneData,
+        shape: Shape,
+        element: IntArray,
+        lamp: IntArray,
+        bands: int,
+        scale: dict[int, float],
+    ) -> Emission:
+        level = np.array([scale[int(row)] for row in lamp])
+        color = np.ones((len(lamp), bands))
+        if bands > 1:
+            color = np.array([scene.luminaires[row].color for row in lamp])
+        return cls(
+            element=element,
+            lamp=lamp,
+            mean=shape.mean * level,
+            values=shape.values * level[:, None],
+            missed=shape.missed * level,
+            color=color,
+            span=shape.span * level,
+            basis=_basis(shape.points, shape.vectors),
+            scale=scale,
+        )
+
+    def of_pieces(self, scene: SceneData, pieces: Elements, lamp: IntArray) -> Emission:
+        """That on pieces of the elements, of luminaires ``lamp``, with the flux there is."""
+        shape = Shape.of(scene, pieces, lamp)
+        own, bands = np.arange(len(pieces)), self.color.shape[1]
+        return type(self)._of(scene, shape, own, lamp, bands, self.scale)
 
     def light(
         self, factors: MatrixArray, receivers: Receivers, sources: Sources, eps: float

@@ -22,7 +22,7 @@ from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
-from .uneven import add_uneven
+from .uneven import UnevenField
 from .unknowns import Unknowns
 from .web_field import WebField
 
@@ -89,6 +89,7 @@ class Incidence:
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, trace=trace, stages=stages)
+        self.uneven = UnevenField(scene, blockers, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
 
     def on(
@@ -111,7 +112,7 @@ class Incidence:
         lamps = {group: shares.light(rows, unknowns, sent) for group, sent in emitted.items()}
         self._add(light, lamps)
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, areas=unknowns.areas)
-        light.variance += add_uneven(light.direct, rows, surfaces, asked, self.scene, self.stages)
+        light.variance += self.uneven.add(light.direct, rows, surfaces, asked)
         return light
 
     def _known_outside(self, asked: Ask, scanned: FloatArray, sees_out: bool) -> FloatArray:
@@ -143,7 +144,7 @@ class Incidence:
         emitted = {group: surfaces.emitted_by(self.scene, group) for group in self.lamp_groups}
         self._add(light, {group: rows.gather(sent) for group, sent in emitted.items()})
         light.variance += self.webs.add(light.direct, rows, surfaces, asked)
-        light.variance += add_uneven(light.direct, rows, surfaces, asked, self.scene, self.stages)
+        light.variance += self.uneven.add(light.direct, rows, surfaces, asked, closely=True)
 
     def _add(self, light: Light, lamps: dict[str, FloatArray]) -> None:
         """Put the light of ``lamps`` before that of sky, sun and ground."""
