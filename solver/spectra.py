@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from functools import lru_cache
 
 import numpy as np
@@ -78,7 +79,9 @@ def spectrum_color(spectrum: tuple[tuple[float, float], ...]) -> tuple[FloatArra
         )
     x, y = xyz[:2] / xyz.sum()
     u, v = 4.0 * x / (3.0 - 2.0 * x + 12.0 * y), 6.0 * y / (3.0 - 2.0 * x + 12.0 * y)
-    cct, off = colour.temperature.uv_to_CCT(np.array([u, v]), method="Ohno 2013")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of light far from white, which is told by its distance
+        cct, off = colour.temperature.uv_to_CCT(np.array([u, v]), method="Ohno 2013")
     known = abs(off) <= OFF_WHITE and 1000.0 <= cct <= 1e5
     return _rgb_of_chromaticity(float(x), float(y)), float(cct) if known else math.nan
 
