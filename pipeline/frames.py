@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from patchlight.solver.errors import InputError
 from patchlight.solver.model.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from .scene import Scene
 
 #: Rotations that bring the named axis of a file to z.
 _UP = {
@@ -53,3 +57,12 @@ def transformed_normals(matrix: FloatArray, normals: FloatArray) -> FloatArray:
     """Unit normals (..., 3) under the linear part of ``matrix`` (inverse transpose)."""
     out = normals @ np.linalg.inv(matrix[:3, :3])
     return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))
+
+
+def part_placements(scene: Scene) -> list[FloatArray]:
+    """(4, 4) matrices from the own coordinates of every part, in order, to those of the scene."""
+    return [
+        np.asarray(entry.placement @ part.placement)
+        for entry in scene.entries.values()
+        for part in entry.model.parts
+    ]

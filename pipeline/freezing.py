@@ -27,9 +27,10 @@ from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.sky import direction
 
 from .assigning import full_path
-from .frames import transformed_normals, transformed_points
+from .frames import part_placements, transformed_normals, transformed_points
 from .glazing import with_glass
 from .problems import Problems
+from .profiles import with_profile
 from .slots import Slots, filled_slots
 from .webs import Webs, web_notes
 
@@ -163,19 +164,23 @@ def _luminaires(
         lamp = data.luminaire_index[rows, side]
         np.add.at(area, lamp[lamp >= 0], patch_areas[lamp >= 0])
     luminaires = []
-    webs = Webs(scene)
+    webs, placements = Webs(scene), part_placements(scene)
     for k, (part_row, emitter) in enumerate(slots.lamps):
         with problems.under():
             path = data.parts[part_row].path
             web = webs.web(part_row, path, emitter)
-            luminaires.append(_luminaire(path, emitter, area[k], scene.maintenance_factor, web))
+            lamp = _luminaire(path, emitter, area[k], scene.maintenance_factor, web)
+            if emitter.profile is not None:
+                patches = np.flatnonzero((data.luminaire_index == k).any(axis=1))
+                lamp = with_profile(lamp, emitter, scene.north @ placements[part_row], patches)
+            luminaires.append(lamp)
     return tuple(luminaires)
 
 
 def _luminaire(
     path: str, emitter: Emitter, area_m2: float, maintenance: float, web: Web | None
 ) -> Luminaire:
-    from patchlight.solver.spectra import cct_to_rgb
+    from patchlight.solver.spectra import cct_to_rgb, spectrum_color
 
     group = emitter.group or path.rsplit("/", 1)[-1]
     if group in ("sky", "sun", "ground"):
@@ -188,13 +193,19 @@ def _luminaire(
         power = web.photometry.power_w if power is None else power
     if flux is None:
         flux = math.pi * float(emitter.luminance_cd_m2 or 0.0) * float(area_m2)
+    color, cct = cct_to_rgb(emitter.cct_k), emitter.cct_k
+    if emitter.spectrum is not None:
+        try:
+            color, cct = spectrum_color(tuple(emitter.spectrum))
+        except InputError as error:
+            raise InputError(f"emitter of {path}: {error}") from None
     return Luminaire(
         part=path,
         group=group,
         flux_lm=flux * emitter.dim * maintenance,
         area_m2=float(area_m2),
-        color=np.asarray(cct_to_rgb(emitter.cct_k)),
-        cct_k=emitter.cct_k,
+        color=np.asarray(color),
+        cct_k=cct,
         power_w=power,
         web=web,
     )

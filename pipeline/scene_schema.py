@@ -35,6 +35,7 @@ Number = Annotated[float, Field(strict=True), AfterValidator(_finite)]
 Triple = tuple[Number, Number, Number]
 Text = Annotated[str, Field(min_length=1)]
 Reflectance = Number | Triple
+ProfileValues = list[Number] | list[list[Number]] | list[list[list[Number]]]
 
 
 class Table(BaseModel):
@@ -129,12 +130,16 @@ class MaterialTable(Table):
 
 
 class EmitterTable(Table):
-    """Light leaving a surface, evenly or by a photometric file."""
+    """Light leaving a surface, evenly, by a profile over it, or by a photometric file."""
 
     flux_lm: Number | None = None
     """Flux of each matched part; with photometry, instead of the file's. [lm]"""
     luminance_cd_m2: Number | None = None
     cct_k: Number = 4000.0
+    spectrum: list[tuple[Number, Number]] | None = None
+    """[[wavelength_nm, relative power], ...] instead of cct_k."""
+    profile: ProfileValues | None = None
+    """Relative exitance over the parameters (u, v) of each patch: corners, or a table of rows."""
     side: Literal["both", "front", "back"] = "both"
     group: Text | None = None
     """Light group of the result; the part's name when not given."""

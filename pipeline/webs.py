@@ -11,7 +11,7 @@ from patchlight.solver.errors import InputError
 from patchlight.solver.model import Emitter, Photometry, SceneData, Web
 from patchlight.solver.model.arrays import FloatArray
 
-from .frames import transformed_normals
+from .frames import part_placements, transformed_normals
 from .problems import Problems
 from .slots import Slots
 
@@ -31,11 +31,7 @@ class Webs:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self._read: dict[Path, Photometry] = {}
-        self._placements = [
-            entry.placement @ part.placement
-            for entry in scene.entries.values()
-            for part in entry.model.parts
-        ]
+        self._placements = part_placements(scene)
 
     def web(self, part_row: int, path: str, emitter: Emitter) -> Web | None:
         """The web of a lamp in world axes, or None for a Lambertian one."""

@@ -172,10 +172,11 @@ def luminaire_rows(scene: SceneData) -> list[dict[str, str]]:
             area,
             f.srgb_hex(_bright(lamp.color)),
             web_name(lamp),
+            "" if lamp.profile is None else lamp.profile.kind,
         )
         merged[key].append(lamp.part)
     rows = []
-    for (group, flux, cct, power, area, swatch, web), parts in merged.items():
+    for (group, flux, cct, power, area, swatch, web, profile), parts in merged.items():
         new = flux / scene.maintenance_factor
         rows.append(
             {
@@ -191,6 +192,7 @@ def luminaire_rows(scene: SceneData) -> list[dict[str, str]]:
                 "luminance": f.MISSING if web or not area > 0.0 else f.number(flux / area / np.pi),
                 "swatch": swatch,
                 "web": web,
+                "profile": profile,
             }
         )
     return rows

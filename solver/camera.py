@@ -48,9 +48,11 @@ class Renderer:
         Geometry, sky, sun and ground.
     elements : Elements
         n elements. A side of a patch without elements is black.
-    reflected, emitted : (n, b) array
-        Reflected exitance, shown smoothly, and emitted exitance, uniform in each element; b = 1
-        gives a grey picture, b = 3 linear sRGB. [lm/m²]
+    reflected : (n, b) array
+        Reflected exitance, shown smoothly; b = 1 gives a grey picture, b = 3 linear sRGB. [lm/m²]
+    emitted : (n, b) or (n, 4, b) array
+        Emitted exitance, uniform in each element, or at the corners (u0, v0), (u1, v0), (u1, v1),
+        (u0, v1) of its box. [lm/m²]
     irradiance : (n,) array
         Illuminance, shown smoothly. [lx]
     caster : RayCaster, optional
@@ -78,12 +80,14 @@ class Renderer:
         webs: Sequence[WebLamp] = (),
         second: SecondPass | None = None,
     ) -> None:
+        if emitted.ndim == 2:
+            emitted = np.repeat(emitted[:, None], 4, axis=1)
         reflected, emitted = frozen(reflected), frozen(emitted)
         n, bands = len(elements), reflected.shape[-1] if reflected.ndim == 2 else 0
         if bands not in (1, 3):
             raise InputError(f"reflected: shape {reflected.shape}, but expected (n, 1) or (n, 3)")
         check_shape("reflected", reflected, (n, bands))
-        check_shape("emitted", emitted, (n, bands))
+        check_shape("emitted", emitted, (n, 4, bands))
         irradiance = frozen(irradiance)
         check_shape("irradiance", irradiance, (n,))
         self.scene, self._webs, self._grey = scene, webs, bands == 1

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from .emission import Emission
 from .exchange import form_factor_matrix, make_sources
 from .kernels.pyramid import Blockers
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
+from .profile_boxes import cut_evenly
 from .raycast import RayCaster
 
 #: Relative accuracy of unoccluded form factors: a hundredth of the light decides no cut.
@@ -24,6 +26,8 @@ LIFT, REACHED = 1e-5, 0.999
 
 class DirectLight:
     """Light of all lamps: exact unoccluded form factors, and one ray to the middle of each patch.
+
+    Patches of uneven lamps are cut into some pieces first.
 
     Lamps with photometric webs are taken to shine alike in all directions.
 
@@ -41,10 +45,14 @@ class DirectLight:
         self.blockers = blockers
         patch, side = np.nonzero(scene.luminaire_index >= 0)
         whole = np.tile((0.0, 1.0, 0.0, 1.0), (len(patch), 1))
-        lamps = elements_on(scene.patches, Boxes(patch, side, whole))
+        boxes = cut_evenly(scene, Boxes(patch, side, whole))
+        lamps = elements_on(scene.patches, boxes)
         self._areas, self._middles = lamps.areas, lamps.nodes.mean(axis=1)
-        levels = np.array([lamp.exitance_lm_m2 for lamp in scene.luminaires])
-        self._exitance = levels[scene.luminaire_index[patch, side]]
+        lamp = scene.luminaire_index[boxes.patch, boxes.side]
+        self._exitance = np.array([one.exitance_lm_m2 for one in scene.luminaires])[lamp]
+        emission = Emission.of(scene, lamps, lamp, 1)
+        if emission is not None:
+            self._exitance[emission.element] = emission.mean
         nets = scene.patches.control_points
         self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
         self._caster = RayCaster(scene.without_panes.patches) if trace else None

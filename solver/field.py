@@ -245,6 +245,9 @@ class FieldSolver:
             azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
             point_from=np.full_like(sources.point_from, np.inf),
         )
+        if field.surfaces.emission is not None:
+            # Which part of a lamp is hidden counts where its parts differ.
+            fine.exact_above[field.surfaces.emission.element] = 0.0
         with self.stages.run("sensors") as tell:
             asked = Ask(budget, receivers, fine, share=FINE_SHARE)
             rows = self._factors.rows(asked, tell)

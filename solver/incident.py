@@ -22,6 +22,7 @@ from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
+from .uneven import UnevenField
 from .unknowns import Unknowns
 from .web_field import WebField
 
@@ -97,6 +98,7 @@ class Incidence:
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, trace=trace, stages=stages)
+        self.uneven = UnevenField(scene, blockers, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
 
     def on(
@@ -158,6 +160,9 @@ class Incidence:
         }
         light.direct = {**lamps, **light.direct}
         light.variance += self.webs.add(light.direct, rows, surfaces, asked, areas=areas)
+        light.variance += self.uneven.add(
+            light.direct, rows, surfaces, asked, closely=areas is None
+        )
 
     def from_outside(
         self,

@@ -16,6 +16,7 @@ from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray
 from .model.elements import Elements
 from .model.scene import SceneData
+from .profile_mesh import with_profiles
 from .refinement import Refiner
 from .stages import Stages
 from .surfaces import reflectances
@@ -80,6 +81,9 @@ class Mesher:
         most = budget.most_elements
         if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
             boxes = with_lines(boxes, self.blockers, most)
+        boxes, added = with_profiles(boxes, self.scene, budget, trace=self.trace)
+        if added:
+            self.stages.count({"elements_added_for_profiles": added})
         lamps = int((self.scene.luminaire_index >= 0).sum())
         if lamps == 0:
             return boxes, 0.0

@@ -1,7 +1,9 @@
-"""Colour of white light; the only module of the solver that knows colour-science."""
+"""Colour of light; the only module of the solver that knows colour-science."""
 
 from __future__ import annotations
 
+import math
+import warnings
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +14,8 @@ from .model.optics import LUMINANCE_WEIGHTS
 
 #: Below it light is Planckian, from it on CIE daylight. [K]
 DAYLIGHT_FROM_K = 4000.0
+#: Distance from the Planckian locus beyond which light has no colour temperature.
+OFF_WHITE = 0.05
 #: Second radiation constant, CODATA 2018. [m K]
 _C2 = 1.438776877e-2
 
@@ -34,6 +38,52 @@ def cct_to_rgb(cct_k: float) -> FloatArray:
     if not 1000.0 <= cct_k <= 25000.0:
         raise InputError(f"cct_k = {cct_k}: must lie between 1000 and 25000")
     return _rgb(float(cct_k))
+
+
+@lru_cache(maxsize=256)
+def spectrum_color(spectrum: tuple[tuple[float, float], ...]) -> tuple[FloatArray, float]:
+    """Linear sRGB (3,) of light of luminance 1, and its correlated colour temperature. [K]
+
+    Parameters
+    ----------
+    spectrum : pairs of (wavelength_nm, relative power)
+        Wavelengths ascend; linear in between, nothing outside them.
+
+    Returns
+    -------
+    rgb : (3,) array
+        By the CIE 1931 2 degree observer at every nanometre from 360 to 830 nm; clipped to the
+        gamut as in `cct_to_rgb`.
+    cct_k : float
+        By Ohno's method [2]; not a number where the chromaticity is more than 0.05 off the
+        Planckian locus in (u', 2/3 v'), where the term is not to be used [1].
+
+    .. [1] CIE 015:2018, "Colorimetry", 4th ed., section 9.5.
+    .. [2] Y. Ohno, "Practical use and calculation of CCT and Duv", LEUKOS 10 (2014), 47–55.
+
+    Raises
+    ------
+    InputError
+        If none of the light is visible.
+    """
+    import colour
+
+    wavelength, power = np.array(spectrum).T
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    at = np.asarray(observer.wavelengths)
+    xyz = np.interp(at, wavelength, power, left=0.0, right=0.0) @ np.asarray(observer.values)
+    if not xyz[1] > 1e-9 * power.max():
+        raise InputError(
+            f"spectrum from {wavelength[0]:g} to {wavelength[-1]:g} nm: no light between "
+            f"{at[0]:g} and {at[-1]:g} nm is visible"
+        )
+    x, y = xyz[:2] / xyz.sum()
+    u, v = 4.0 * x / (3.0 - 2.0 * x + 12.0 * y), 6.0 * y / (3.0 - 2.0 * x + 12.0 * y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of light far from white, which is told by its distance
+        cct, off = colour.temperature.uv_to_CCT(np.array([u, v]), method="Ohno 2013")
+    known = abs(off) <= OFF_WHITE and 1000.0 <= cct <= 1e5
+    return _rgb_of_chromaticity(float(x), float(y)), float(cct) if known else math.nan
 
 
 @lru_cache(maxsize=256)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,10 @@ from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.scene import BLACK, SceneData
 from .model.views import Sensors
+
+if TYPE_CHECKING:
+    from .emission import Emission
+    from .unknowns import Unknowns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +73,7 @@ class Surfaces:
     material: IntArray  # (n,) row of the scene's materials
     lamp: IntArray  # (n,) row of the scene's luminaires
     web: NDArray[np.bool_]  # (n,) whether it emits by a photometric web
+    emission: Emission | None = None  # of lamps that are not even
 
     @classmethod
     def of(cls, scene: SceneData, elements: Elements, bands: int) -> Surfaces:
@@ -80,15 +86,35 @@ class Surfaces:
         for row, luminaire in enumerate(scene.luminaires):
             color = np.ones(1) if bands == 1 else np.asarray(luminaire.color)
             emitted[lamp == row] = luminaire.exitance_lm_m2 * color
+        emission = None
+        if any(luminaire.profile is not None for luminaire in scene.luminaires):
+            from .emission import Emission
+
+            emission = Emission.of(scene, elements, lamp, bands)
+        if emission is not None:
+            emitted[emission.element] = emission.mean[:, None] * emission.color
         rho[material == BLACK] = 0.0
         areas = np.where(elements.buried, 0.0, elements.weights).sum(axis=1)
         webs = [row for row, luminaire in enumerate(scene.luminaires) if luminaire.web is not None]
-        return cls(elements, areas, rho, emitted, material, lamp, np.isin(lamp, webs))
+        return cls(elements, areas, rho, emitted, material, lamp, np.isin(lamp, webs), emission)
 
     @property
     def diffuse(self) -> FloatArray:
         """Exitance (n, b) emitted alike in all directions; webs are none of it. [lm/m²]"""
         return np.where(self.web[:, None], 0.0, self.emitted)
+
+    def diffuse_at(self, unknowns: Unknowns) -> FloatArray:
+        """The same at unknowns (N, b), where it is not even on the elements."""
+        if self.emission is None:
+            return self.diffuse[unknowns.element]
+        return self.emission.at(unknowns, self.diffuse)
+
+    @property
+    def diffuse_at_corners(self) -> FloatArray:
+        """The same at the corners (n, 4, b) of the elements, as `Emission.corners` has them."""
+        if self.emission is None:
+            return np.repeat(self.diffuse[:, None], 4, axis=1)
+        return self.emission.corners(self.elements, self.diffuse)
 
     def emitted_by(self, scene: SceneData, group: str) -> FloatArray:
         """Exitance (n, b) that one light group emits alike in all directions. [lm/m²]"""

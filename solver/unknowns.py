@@ -252,7 +252,7 @@ class Unknowns:
         assert self.basis is not None and receivers.nodes.shape[1] == 1
         # The radius of a square is its side over √2; the nearest point is a radius nearer.
         order = len(self.basis.rule)
-        far, middle = (1.0 + _reach(eps, q) / math.sqrt(2.0) for q in (order, EDGE_NODES))
+        far, middle = (1.0 + reach(eps, q) / math.sqrt(2.0) for q in (order, EDGE_NODES))
         spread_rows(
             writable(receivers.nodes[:, 0]),
             writable(receivers.normals[:, 0]),
@@ -266,7 +266,7 @@ class Unknowns:
         )
 
 
-def _reach(eps: float, order: int) -> float:
+def reach(eps: float, order: int) -> float:
     """Twice the distance over the length from which Gauss' rule leaves ``eps`` of a kernel."""
     rho = eps ** (-0.5 / order)
     return 0.5 * (rho - 1.0 / rho)

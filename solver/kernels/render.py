@@ -101,9 +101,9 @@ def shade(
 
     ``start (2p + 1,)`` and ``order`` list the elements of patch side 2 p + side; ``corners``
     (n, 4, b + 1) are the reflected exitance and the illuminance at the corners (u0, v0), (u1, v0),
-    (u1, v1), (u0, v1) of each element's box, ``emitted (n, b)`` its uniform emitted exitance.
+    (u1, v1), (u0, v1) of each element's box, ``emitted (n, 4, b)`` its emitted exitance there.
     """
-    bands = emitted.shape[1]
+    bands = emitted.shape[2]
     for group in nb.prange((directions.shape[0] + _GROUP - 1) // _GROUP):
         for r in range(group * _GROUP, min((group + 1) * _GROUP, directions.shape[0])):
             p = patch[r]
@@ -130,12 +130,12 @@ def shade(
             w0, w1, w2, w3 = (1 - x) * (1 - y), x * (1 - y), x * y, (1 - x) * y
             for k in range(bands):
                 value = (
-                    w0 * corners[e, 0, k]
-                    + w1 * corners[e, 1, k]
-                    + w2 * corners[e, 2, k]
-                    + w3 * corners[e, 3, k]
+                    w0 * (corners[e, 0, k] + emitted[e, 0, k])
+                    + w1 * (corners[e, 1, k] + emitted[e, 1, k])
+                    + w2 * (corners[e, 2, k] + emitted[e, 2, k])
+                    + w3 * (corners[e, 3, k] + emitted[e, 3, k])
                 )
-                rgb[r, k] = (value + emitted[e, k]) / math.pi
+                rgb[r, k] = value / math.pi
             for k in range(bands, 3):
                 rgb[r, k] = rgb[r, 0]
             illuminance[r] = (

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from os import PathLike
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .arrays import FloatArray, check_finite, unit_vector
 from .photometry import Photometry
+from .profiles import ProfileFunction, ProfileTable, checked_profile
 
 Reflectance = float | tuple[float, float, float]
 
@@ -38,6 +41,34 @@ def _reflectance(name: str, value: object) -> Reflectance:
 
 def _in_bands(value: Reflectance) -> FloatArray:
     return np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))
+
+
+def _spectrum(value: object) -> tuple[tuple[float, float], ...]:
+    """Pairs of ascending wavelength [nm] and relative power >= 0."""
+    try:
+        pairs = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        pairs = np.empty(0)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or len(pairs) < 2:
+        raise InputError(
+            f"Emitter.spectrum: shape {pairs.shape}: expected two or more pairs (wavelength_nm, "
+            "relative power)"
+        )
+    check_finite("Emitter.spectrum", pairs)
+    wavelength, power = pairs.T
+    down = np.flatnonzero(np.diff(wavelength) <= 0.0)
+    if len(down):
+        k = int(down[0])
+        raise InputError(
+            f"Emitter.spectrum: wavelength {wavelength[k + 1]:g} nm follows {wavelength[k]:g} nm; "
+            "they must ascend"
+        )
+    if (power < 0.0).any():
+        k = int(np.argmin(power))
+        raise InputError(
+            f"Emitter.spectrum: power {power[k]:g} at {wavelength[k]:g} nm: must be >= 0"
+        )
+    return tuple((float(x), float(y)) for x, y in pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,16 +169,24 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Emitter:
-    """Light leaving a surface: Lambertian and uniform over it, or by a photometric web.
+    """Light leaving a surface: Lambertian, even over it or not, or by a photometric web.
 
     Attributes
     ----------
     flux_lm : float, optional
         Total flux leaving each matched part; with ``photometry``, instead of the web's own. [lm]
     luminance_cd_m2 : float, optional
-        Luminance instead of a flux. [cd/m²]
+        Luminance instead of a flux; with ``profile`` the mean. [cd/m²]
     cct_k : float
         Correlated colour temperature on the daylight or Planckian locus. [K]
+    spectrum : sequence of (wavelength_nm, relative power), optional
+        Colour of the light, instead of ``cct_k``: linear between the pairs, nothing outside them.
+    profile : callable or table, optional
+        How the exitance varies over the emitting faces, as relative values >= 0; the flux stays
+        what it is. A function of points (m, 3) in the part's own coordinates [m], before it was
+        placed in an assembly or the scene, that returns (m,) values; or values at equal steps over
+        the parameters of each patch, bilinear in between: a table (k, l), one for each patch
+        (p, k, l), or the four corners (u, v) = (0, 0), (1, 0), (1, 1), (0, 1).
     side : {"both", "front", "back"}
         Emitting side of a sheet; solids emit on their outside.
     group : str, optional
@@ -165,15 +204,18 @@ class Emitter:
     """
 
     flux_lm: float | None = None
+    _: KW_ONLY
     luminance_cd_m2: float | None = None
     cct_k: float = 4000.0
+    spectrum: Sequence[tuple[float, float]] | None = None
+    profile: ProfileFunction | ProfileTable | ArrayLike | None = None
     side: str = "both"
-    group: str | None = None
-    power_w: float | None = None
-    dim: float = 1.0
     photometry: Photometry | str | PathLike[str] | None = None
     aim: tuple[float, float, float] | None = None
     c0: tuple[float, float, float] | None = None
+    group: str | None = None
+    power_w: float | None = None
+    dim: float = 1.0
 
     def __post_init__(self) -> None:
         if self.photometry is None:
@@ -191,6 +233,17 @@ class Emitter:
                 raise InputError(f"Emitter.{name} = {value}: must be a number >= 0")
         if not 1000.0 <= self.cct_k <= 25000.0:
             raise InputError(f"Emitter.cct_k = {self.cct_k}: must lie between 1000 and 25000")
+        if self.spectrum is not None:
+            if self.cct_k != 4000.0:
+                raise InputError("Emitter: give cct_k or spectrum, not both")
+            object.__setattr__(self, "spectrum", _spectrum(self.spectrum))
+        if self.profile is not None:
+            if self.photometry is not None:
+                raise InputError(
+                    "Emitter: profile is not used together with photometry: a web tells the light "
+                    "of the lamp as a whole, not of its places"
+                )
+            object.__setattr__(self, "profile", checked_profile(self.profile))
         if self.side not in ("both", "front", "back"):
             raise InputError(f"Emitter.side = {self.side!r}: both, front or back")
         for name in ("aim", "c0"):

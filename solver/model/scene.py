@@ -14,6 +14,7 @@ from .glazing import Glazing
 from .optics import Material
 from .patches import PatchSet
 from .photometry import Web
+from .profiles import Profile
 from .sky import CIESky, Ground, Site, Sun
 from .views import Camera, Sensors
 
@@ -55,7 +56,7 @@ class SceneFace:
 
 @dataclass(frozen=True, slots=True)
 class Luminaire:
-    """One emitting part: its flux is spread evenly over its emitting sides, or follows a web.
+    """One emitting part: its flux is spread over its emitting sides, or follows a web.
 
     Attributes
     ----------
@@ -68,11 +69,13 @@ class Luminaire:
     color : (3,) array
         Linear sRGB of the light, scaled to luminance 1.
     cct_k : float
-        Correlated colour temperature. [K]
+        Correlated colour temperature; not a number where the light is too far from white. [K]
     power_w : float, optional
         Electric power. [W]
     web : Web, optional
         Directions its light takes; without, it is Lambertian.
+    profile : Profile, optional
+        How its exitance varies over the emitting sides; without, it is even.
     """
 
     part: str
@@ -83,6 +86,7 @@ class Luminaire:
     cct_k: float
     power_w: float | None = None
     web: Web | None = None
+    profile: Profile | None = None
 
     @property
     def exitance_lm_m2(self) -> float:
