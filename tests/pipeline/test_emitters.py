@@ -64,7 +64,7 @@ def test_a_hundred_lumens():
         scene.add(thing, "lamp", at=(0, 0, 1))
         scene.assign("lamp", emitter)
         scene.add(SensorGrid(np.zeros((1, 3)), UP, name="grid"))
-        assert lux(scene, 0.002)[0] == pytest.approx(expected, rel=1e-3)
+        assert lux(scene)[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_points_of_a_profile_are_those_of_the_part():
