@@ -96,7 +96,7 @@ class UnevenField:
         *,
         closely: bool,
     ) -> FloatArray:
-        """Put ``off`` (m, c) right where lamps are hidden in part; the variance (m,) that stays. [lx²]
+        """Put ``off`` (m, c) right where lamps are hidden in part; variance (m,) that stays. [lx²]
 
         Half of the most that may be wrong is taken for a standard deviation.
         """
