@@ -16,6 +16,8 @@ from .surfaces import Surfaces
 
 #: Error of the shares of nodes in a form factor, against that of light that has been reflected.
 FINE = 0.1
+#: Error of the mean over an element against what polynomials miss of its exitance.
+OF_MEANS = 0.1
 
 
 class UnevenField:
@@ -73,17 +75,16 @@ class UnevenField:
             factors = np.asarray(rows.factors[:, emission.element], dtype=np.float64)
             eps = FINE * asked.budget.moments
             off = emission.light(factors, asked.receivers, asked.sources, eps)
-            # Half of the most that may be wrong is taken for a standard deviation.
-            wrong = 0.5 * factors @ emission.missed
+            variance = _missed(factors, emission, asked)
             if self.trace:
-                wrong += self._hidden(off, factors, emission, surfaces, asked, closely=closely)
+                variance += self._hidden(off, factors, emission, surfaces, asked, closely=closely)
             light = factors * off
             groups = np.array([self.scene.luminaires[row].group for row in emission.lamp])
             for group in dict.fromkeys(groups):
                 own = groups == group
                 direct[group] = direct[group] + light[:, own] @ emission.color[own]
             self.stages.count({"uneven_pairs": factors.size})
-        return wrong**2
+        return variance
 
     def _hidden(
         self,
@@ -95,7 +96,10 @@ class UnevenField:
         *,
         closely: bool,
     ) -> FloatArray:
-        """Put ``off`` (m, c) right where lamps are hidden in part; what stays wrong (m,). [lx]"""
+        """Put ``off`` (m, c) right where lamps are hidden in part; variance (m,) that stays. [lx²]
+
+        Half of the most that may be wrong is taken for a standard deviation.
+        """
         receivers, scene = asked.receivers, self.scene
         elements = surfaces.elements.take(emission.element)
         eps = asked.budget.eps * FINE_SHARE
@@ -111,9 +115,22 @@ class UnevenField:
         ).factors
         wrong = partly_hidden(factors, plain) * emission.span
         if not closely:
-            return 0.5 * np.sqrt((wrong**2).sum(axis=1))
+            return np.asarray(0.25 * (wrong**2).sum(axis=1))
         light = factors @ emission.mean + (factors * off).sum(axis=1)
         parts = HiddenParts(scene, self.blockers, emission, elements, asked, eps)
         left = parts.put_right(off, wrong, light)
         self.stages.count({"hidden_lamp_pairs_traced": parts.traced})
-        return 0.5 * left
+        return 0.25 * left**2
+
+
+def _missed(factors: FloatArray, emission: Emission, asked: Ask) -> FloatArray:
+    """Variance (m,) by what the polynomials miss of the exitance. [lx²]
+
+    It is light in the wrong place, and counts as far as the element is large against its distance;
+    the means, too, are found from a few nodes.
+    """
+    spheres = asked.sources.spheres[emission.element]
+    at = asked.receivers.nodes.mean(axis=1)
+    away = np.linalg.norm(at[:, None] - spheres[None, :, :3], axis=2)
+    moved = np.minimum(1.0, spheres[:, 3] / np.maximum(away, 1e-300))
+    return np.asarray(((factors * emission.missed * (OF_MEANS + moved)) ** 2).sum(axis=1))

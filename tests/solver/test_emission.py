@@ -71,6 +71,7 @@ def test_a_constant_profile_is_none():
     for lamp in (DISC, PatchSet.sphere((0, 0, 0), 0.3), ceiling(-1, 1, -0.2, 0.2, 0.0)):
         data = scene(setup(lamp), lamps=[(0, "lamp", 100.0)], sensors=[grid("plane", points)])
         plain = solve(data, accuracy=0.05)
+        assert "uneven lamps" not in plain.stages and "uneven_pairs" not in plain.counters
         given = solve(shaped(data, lambda p: np.full(len(p), 7.3)), accuracy=0.05)
         np.testing.assert_allclose(
             given.sensors["plane"].illuminance_lx,
