@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from .budget import Budget
-from .emission import Shape, sampled
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray
 from .model.scene import SceneData
 from .profile_boxes import cut_at_tables, uneven_rows
+from .profile_shape import Shape, sampled
 from .refinement import best_cut
 
 #: Share of the lamps' flux that their polynomials may miss, for each unit of accuracy.
