@@ -162,6 +162,7 @@ def part_only(data: SceneData, part: int) -> SceneData:
         closed=data.closed[rows],
         material_index=data.material_index[rows],
         luminaire_index=data.luminaire_index[rows],
+        glass_index=data.glass_index[rows],
     )
 
 

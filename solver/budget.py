@@ -163,7 +163,7 @@ class Budget:
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
         large = total > MANY_ELEMENTS
-        if total > VARYING_ELEMENTS or not has_room(VARYING_BYTES * total**2):
+        if total > VARYING_ELEMENTS or not has_room(VARYING_BYTES * int((1.0 + MORE) * total) ** 2):
             basis = "constant"
         nodes = NODES[basis]
         cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())

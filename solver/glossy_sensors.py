@@ -107,7 +107,7 @@ class SensorLobes:
         self._first = np.searchsorted(unknowns.element, np.arange(len(elements)))
         self._order = math.isqrt(int(count.max(initial=1)))
         self._whole = count == self._order**2
-        self.caster = RayCaster(second.scene.patches)
+        self.caster = RayCaster(second.scene.without_panes.patches)
 
     def change(
         self, grid: Sensors, seen: FloatArray, gathered: Gathered

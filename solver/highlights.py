@@ -64,7 +64,8 @@ class Highlights:
 
     def for_pictures(self, surfaces: Surfaces, finer: Finer, budget: Budget) -> SecondPass | None:
         """The same, or nothing where nothing is glossy."""
-        return self.second_pass(surfaces, finer, budget) if self.any else None
+        lit = self.any and bool(finer.sent)
+        return self.second_pass(surfaces, finer, budget) if lit else None
 
     def _seen(self, rows: Rows, surfaces: Surfaces) -> FloatArray:
         """Form factors (m, k) of glossy elements."""
@@ -82,7 +83,7 @@ class Highlights:
         budget: Budget,
     ) -> Gathered:
         """Light at sensors, with glossy surfaces that they see sending it by the lobe."""
-        if not self.any:
+        if not self.any or not finer.sent:
             return gathered
         with self.stages.run("second pass"):
             lobes = SensorLobes(self.second_pass(field.surfaces, finer, budget), field, budget)

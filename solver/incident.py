@@ -63,7 +63,11 @@ class Gathered:
 
     def luminous(self, kind: str = "") -> FloatArray:
         """Illuminance (m,), of one kind (``"direct"``, ``"indirect"``) or in all. [lx]"""
-        parts = [luminous(v) for name, v in self.components.items() if name.endswith(kind)]
+        parts = [
+            luminous(v)
+            for name, v in self.components.items()
+            if name.endswith(f".{kind}" if kind else "")
+        ]
         return np.asarray(sum(parts, np.zeros(len(self.deviation))))
 
 

@@ -40,6 +40,7 @@ def sampled_misplaced(solver: FieldSolver, budget: Budget, field: Field) -> floa
     known = field.unknowns.mean(field.arriving.luminous())
     whole = ~elements.buried.any(axis=1)
     flux = np.where(whole, luminous(surfaces.reflectance) * known * surfaces.areas, 0.0)
+    flux[len(field.sources.nets) :] = 0.0  # panes
     rows, times = drawn_by_flux(flux, DRAWN)
     if not len(rows):
         return 0.0

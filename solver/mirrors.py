@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from .dome import gather
 from .elements_by_side import elements_by_side
+from .errors import InputError
 from .exchange import Rows, form_factor_matrix, make_sources, products
 from .images import TOUCH, Pieces, Plane, Window, pieces_before, windows
 from .kernels.pyramid import Blockers
@@ -145,6 +146,11 @@ class Mirrors:
         """Outlines of flat mirrors, the largest first, as many as are looked through."""
         from .topology import PLANAR
 
+        if self.scene.see_through.any():
+            raise InputError(
+                "mirrors and clear panes in one scene: light by way of both is not computed; give "
+                "the mirrors a specular share instead, or leave the panes out"
+            )
         scene, nets = self.scene, self.scene.patches.control_points
         flat = self.blockers.flags & PLANAR != 0
         areas = scene.patches.areas()

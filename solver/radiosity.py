@@ -261,5 +261,5 @@ def solve_radiosity(
     ConvergenceError
         If the tolerance is not reached.
     """
-    system = RadiositySystem(factors, reflectance, accuracy=accuracy)
+    system = RadiositySystem(factors, reflectance, accuracy=accuracy, scattering=scattering)
     return system.solve(direct), system.products

@@ -107,7 +107,9 @@ class SecondPass:
         elements = surfaces.elements
         start, order = elements_by_side(elements, len(scene.patches))
         self._sides = Sides(start, order, elements.boxes, frozen(np.asarray(mirrors).ravel()))
-        self._tree = Tree(*(RayCaster(scene.patches) if caster is None else caster).arrays)
+        self._tree = Tree(
+            *(RayCaster(scene.without_panes.patches) if caster is None else caster).arrays
+        )
         self._lamps = np.flatnonzero(surfaces.emitted.any(axis=1))
         self._centers = [elements.nodes[surfaces.lamp == web.row].mean(axis=(0, 1)) for web in webs]
 

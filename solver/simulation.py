@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import Budget
+from .budget import VARYING_ELEMENTS, Budget
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -22,6 +22,7 @@ from .mesh_sample import sampled_misplaced
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
+from .packed import PackedMatrix
 from .placement import check_placement
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
@@ -133,6 +134,12 @@ class _Simulation:
             tester = Containment(scene)
             stages.warnings.extend(check_placement(scene, tester))
         self._say_skipped(blockers)
+        if self.budget.basis == "constant" and self.budget.elements <= VARYING_ELEMENTS:
+            if not scene.glazings:
+                stages.warnings.append(
+                    "exitance is taken for constant on every element: the memory that is free does "
+                    f"not hold more for {self.budget.elements} elements"
+                )
         trace = "visibility" not in stages.skipped
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester)
         solved = self._solved(solver)
@@ -205,7 +212,7 @@ class _Simulation:
         field = solver.solve(budget, boxes, misplaced)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
         everywhere = False
-        if budget.is_large:
+        if budget.is_large or isinstance(field.system.factors, PackedMatrix):
             # Light of any source is known to be in the wrong place.
             misplaced, everywhere = sampled_misplaced(solver, budget, field), True
             self.stages.figures["sampled_misplaced_flux"] = misplaced

@@ -140,7 +140,8 @@ def solve(job: Job) -> Solved:
         "counters": clock.counters,
         "row_sums": np.percentile(field.row_sums, [0, 5, 50, 95, 100]).tolist(),
     }
-    lit, emitted = luminous(field.exitance), luminous(field.surfaces.emitted)
+    emitted = luminous(field.surfaces.emitted)
+    lit = emitted + luminous(field.unknowns.mean(field.all_sent))
     return Solved(record, field.system.factors[job.rows], lit, emitted)
 
 

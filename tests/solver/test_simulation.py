@@ -320,8 +320,8 @@ def test_furnace_in_every_solid_of_the_demo(tmp_path):
         result = solve(made, accuracy=0.1)
         worst = float(np.abs(result.exitance[:, 0] / 200.0 - 1.0).max())
         rows = float(np.abs(result.row_sums - 1.0).max())
-        # Raw rows are good to a fifth of the accuracy: what is corrected is small.
-        if worst > 1e-3 or rows > 2e-2:
+        # Raw rows of single nodes, averaged over their elements: half of the accuracy.
+        if worst > 1e-3 or rows > 5e-2:
             failed.append(f"{part.path}: {worst:.1e}, rows {rows:.1e}")
     assert len(done) >= 10
     assert not failed, failed
