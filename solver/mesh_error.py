@@ -12,7 +12,7 @@ from .model.result import luminous
 
 #: Error of indirect light against the share of light that is misplaced: what 95 % of the sensors of
 #: plain rooms need at most.
-OF_MISPLACED = 2.0
+OF_MISPLACED = 3.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,10 @@ from .errors import GeometryError, InputError
 from .exchange import ROUNDING
 from .field import Field, FieldSolver
 from .incident import Gathered
-from .iterated import Finer, as_it_is
+from .iterated import ROWS, Finer, as_it_is
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
-from .memory import VARYING_BYTES, check_memory, fits, has_room
+from .memory import PAIR_BYTES, VARYING_BYTES, check_memory, fits, has_room
 from .mesh import Boxes
 from .mesh_error import MeshError
 from .mesh_sample import sampled_misplaced
@@ -212,7 +212,7 @@ class _Simulation:
         field = solver.solve(budget, boxes, misplaced)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
         everywhere = False
-        if budget.is_large or isinstance(field.system.factors, PackedMatrix):
+        if budget.is_large or not _has_room_for_pieces(field):
             # Light of any source is known to be in the wrong place.
             misplaced, everywhere = sampled_misplaced(solver, budget, field), True
             self.stages.figures["sampled_misplaced_flux"] = misplaced
@@ -364,3 +364,11 @@ def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
     Quadrature and rounding: the accuracy ``eps`` of unoccluded factors, and theirs, of the value.
     """
     return np.asarray(shift + 2.0 * light.deviation + (eps + ROUNDING) * light.luminous())
+
+
+def _has_room_for_pieces(field: Field) -> bool:
+    """Whether the rows of the iterated gather fit, where the matrix itself had to be packed."""
+    if not isinstance(field.system.factors, PackedMatrix):
+        return True
+    rows = max(ROWS, len(field.unknowns))
+    return has_room(PAIR_BYTES * rows * len(field.surfaces.elements))
