@@ -138,8 +138,8 @@ class FieldSolver:
         tester: Containment | None = None,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
-        #: All there is is one convex cavity.
         self.panes = PaneField(scene, blockers, trace=trace, stages=stages)
+        #: All there is is one convex cavity.
         self.in_cavity = is_single(blockers, blockers.hollow) and not self.panes.any
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
         self._incidence = Incidence(scene, blockers, self.panes, trace=trace, stages=stages)
@@ -203,13 +203,9 @@ class FieldSolver:
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
-
-        def gathered(some: Unknowns) -> tuple[Gathered, FloatArray]:
-            return self.light_at(some, budget, field)
-
         weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
         with self.stages.run("iterated gather"):
-            finer = finer_light(field, weights, gathered)
+            finer = finer_light(field, weights, lambda some: self.light_at(some, budget, field))
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
 
@@ -224,12 +220,7 @@ class FieldSolver:
         rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
         mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out)
-        sent = np.concatenate([*field.sent.values()], axis=1)
-        how = (asked.receivers, field.sources, budget.moments)
-        light_sent = field.unknowns.gather(rows, *how, sent)
-        if mirrored is not None:
-            light_sent = light_sent + multiplied(mirrored.rows, field.unknowns.mean(sent))
-        indirect = np.split(light_sent, len(field.sent), axis=1)
+        indirect = gathered(rows, mirrored, asked, field.unknowns, [*field.sent.values()])
         variance = variance_of(rows, mirrored, luminous(field.exitance_told))
         found = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
         return found, self.mirrors.kept(rows, mirrored, field.surfaces)
@@ -266,23 +257,13 @@ class FieldSolver:
         """Light at sensors, and by how much (m,) the finer light changed the indirect part. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
-            found = finer.unknowns.gather(
-                seen.rows,
-                asked.receivers,
-                asked.sources,
-                asked.budget.moments,
-                np.concatenate(columns, axis=1),
-            )
-            if seen.mirrored is not None:
-                means = finer.unknowns.mean(np.concatenate(columns, axis=1))
-                found = found + multiplied(seen.mirrored.rows, means)
-        *parts, change = np.split(found, len(columns), axis=1)
+            found = gathered(seen.rows, seen.mirrored, asked, finer.unknowns, columns)
+        *parts, change = found
         indirect = dict(zip(finer.sent, parts, strict=True))
         variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
-        gathered = Gathered.of(seen.light, indirect, variance)
-        budget = asked.budget
-        gathered = self.highlights.added(gathered, grid, seen.rows, field, finer, budget)
-        return gathered, np.abs(luminous(change))
+        light = Gathered.of(seen.light, indirect, variance)
+        light = self.highlights.added(light, grid, seen.rows, field, finer, asked.budget)
+        return light, np.abs(luminous(change))
 
     def _sees_out(self, rows: Rows, lit: NDArray[np.bool_]) -> bool:
         """Whether light may leave the scene from ``lit`` rows, beyond what sampling explains."""
@@ -323,6 +304,22 @@ class FieldSolver:
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
         sources = make_sources(elements, nets, cell_eps, scan)
         return sources, self.panes.lifts(lifts, surfaces.elements)
+
+
+def gathered(
+    rows: Rows,
+    mirrored: Reflections | None,
+    asked: Ask,
+    unknowns: Unknowns,
+    sent: list[FloatArray],
+) -> list[FloatArray]:
+    """Light (m, b), straight and by mirrors, of each of ``sent`` (N, b) by the unknowns."""
+    columns = np.concatenate(sent, axis=1)
+    how = (asked.receivers, asked.sources, asked.budget.moments)
+    found = unknowns.gather(rows, *how, columns)
+    if mirrored is not None:
+        found = found + multiplied(mirrored.rows, unknowns.mean(columns))
+    return np.split(found, len(sent), axis=1)
 
 
 def variance_of(rows: Rows, mirrored: Reflections | None, sent: FloatArray) -> FloatArray:

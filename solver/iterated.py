@@ -128,27 +128,24 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
     lift = Lift.of(unknowns, fine, chosen)
     some = lift.new.ravel()
     arriving, sums = gather(fine.take(some))
-    components, sent = {}, {}
-    change, shift = np.zeros((2, len(fine), rho.shape[1]))
-    for group, values in field.sent.items():
-        direct, indirect = f"{group}.direct", f"{group}.indirect"
-        lifted = lift(values)
-        sent[group] = lifted.copy()
-        found = arriving.components[direct] + arriving.components[indirect]
-        sent[group][some] = rho[fine.element[some]] * found
-        onto = lift.projected(sent[group] - lifted, fine.areas)
-        rest = products(field.system.factors, onto)
-        more = field.system.solve({group: rest})[group]
-        rest += products(field.system.factors, more)
+    before = {name: lift(values) for name, values in field.arriving.components.items()}
+    components = {name: values.copy() for name, values in before.items()}
+    for name, values in arriving.components.items():
+        components[name][some] = values
+    lifted = {group: lift(values) for group, values in field.sent.items()}
+    sent = {group: values.copy() for group, values in lifted.items()}
+    rest = {}
+    for group, values in sent.items():
+        found = arriving.components[f"{group}.direct"] + arriving.components[f"{group}.indirect"]
+        values[some] = rho[fine.element[some]] * found
+        onto = lift.projected(values - lifted[group], fine.areas)
+        rest[group] = products(field.system.factors, onto)
+    for group, more in field.system.solve(rest).items():
         sent[group] += lift(more)
-        change += sent[group] - lifted
-        for name, moved in ((direct, None), (indirect, rest)):
-            components[name] = lift(field.arriving.components[name])
-            components[name][some] = arriving.components[name]
-            if moved is not None:
-                components[name] += lift(moved)
-        before = sum(lift(field.arriving.components[name]) for name in (direct, indirect))
-        shift += components[direct] + components[indirect] - before
+        moved = rest[group] + products(field.system.factors, more)
+        components[f"{group}.indirect"] += lift(moved)
+    change = np.asarray(sum(sent[group] - lifted[group] for group in sent))
+    shift = np.asarray(sum(components[name] - before[name] for name in components))
     variance = lift(field.arriving.deviation**2)
     variance[some] = arriving.deviation**2
     kept = lift(field.kept)

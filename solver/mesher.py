@@ -100,11 +100,9 @@ class Mesher:
                 f"{lamps} shining patches light {len(boxes)} elements"
             )
             return boxes, 0.0
-        self.stages.skipped.pop("refinement", None)  # of a coarser mesh
-        if self._refiner is None:
-            light = DirectLight(self.scene, self.blockers, trace=self.trace)
-            rho = reflectances(self.scene)
-            self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
+        light = DirectLight(self.scene, self.blockers, trace=self.trace)
+        rho = reflectances(self.scene)
+        self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
         cut, misplaced = self._refiner.refine(boxes, budget.misplaced, most)
         self.stages.count({"elements_added": len(cut) - len(boxes)})
         return cut, misplaced
