@@ -12,7 +12,6 @@ import numpy as np
 from .budget import Budget
 from .field import Field, FieldSolver
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import area_points
 from .model.result import luminous
 from .refinement import LOST
 from .surfaces import Receivers
@@ -44,21 +43,10 @@ def sampled_misplaced(solver: FieldSolver, budget: Budget, field: Field) -> floa
     rows, times = drawn_by_flux(flux, DRAWN)
     if not len(rows):
         return 0.0
-    points, vectors = area_points(elements.nets[rows], LOOK)
-    share = np.linalg.norm(vectors, axis=2)
-    normals = vectors / np.where(share > 0.0, share, 1.0)[..., None]
-    share /= share.sum(axis=1, keepdims=True)
-    k = LOOK**2
-    element = np.repeat(rows, k)
-    receivers = Receivers(
-        points.reshape(-1, 1, 3),
-        normals.reshape(-1, 1, 3),
-        np.ones((len(element), 1)),
-        elements.patch_index[element],
-        element,
-    )
-    areas = share.ravel() * elements.areas[element]
-    places = Unknowns(element, areas, receivers, None, len(elements))
+    dense = Receivers.with_nodes(elements, rows, LOOK)
+    k, share, single = LOOK**2, dense.weights, dense.singly
+    areas = share.ravel() * elements.areas[single.own]
+    places = Unknowns(single.own, areas, single, None, len(elements))
     light = solver.light_at(places, budget, field)[0].luminous().reshape(-1, k)
     mean = np.einsum("nk,nk->n", light, share)
     off = np.einsum("nk,nk->n", np.abs(light - mean[:, None]), share)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model.arrays import FloatArray, IntArray
+from .model.bezier import area_points
 from .model.elements import Elements
 from .model.scene import BLACK, SceneData
 from .model.views import Sensors
@@ -38,6 +39,27 @@ class Receivers:
         share = share / np.where(total > 0.0, total, 1.0)[:, None]
         own = np.arange(len(elements))
         return cls(elements.nodes, elements.normals, share, elements.patch_index, own)
+
+    @classmethod
+    def with_nodes(cls, elements: Elements, rows: IntArray, order: int) -> Receivers:
+        """Some elements with ``order`` Gauss nodes a direction."""
+        points, vectors = area_points(elements.nets[rows], order)
+        share = np.linalg.norm(vectors, axis=2)
+        return cls(
+            points,
+            vectors / np.where(share > 0.0, share, 1.0)[..., None],
+            share / share.sum(axis=1)[:, None],
+            elements.patch_index[rows],
+            rows,
+        )
+
+    @property
+    def singly(self) -> Receivers:
+        """Their nodes, each a receiver of its own."""
+        m, q = self.weights.shape
+        nodes, normals = (a.reshape(m * q, 1, 3) for a in (self.nodes, self.normals))
+        on, own = np.repeat(self.patches, q), np.repeat(self.own, q)
+        return Receivers(nodes, normals, np.ones((m * q, 1)), on, own)
 
     @classmethod
     def of_sensors(cls, grid: Sensors) -> Receivers:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from .exchange import Rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import area_points
 from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
@@ -242,17 +241,4 @@ def _denser(
     ):
         some = np.flatnonzero(whole & (count > least) & (count <= most))
         if len(some):
-            yield some, _with_nodes(receivers, some, nodes)
-
-
-def _with_nodes(elements: Elements, rows: IntArray, order: int) -> Receivers:
-    """Some elements with ``order`` Gauss nodes a direction."""
-    points, vectors = area_points(elements.nets[rows], order)
-    share = np.linalg.norm(vectors, axis=2)
-    return Receivers(
-        points,
-        vectors / np.where(share > 0.0, share, 1.0)[..., None],
-        share / share.sum(axis=1)[:, None],
-        elements.patch_index[rows],
-        rows,
-    )
+            yield some, Receivers.with_nodes(receivers, some, nodes)
