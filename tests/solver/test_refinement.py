@@ -277,14 +277,20 @@ def test_memory_sets_a_limit(monkeypatch):
 def test_many_lamps_are_not_looked_at_one_by_one(monkeypatch):
     """Where it would cost more than the form factors themselves, equal elements have to do."""
     monkeypatch.setattr("patchlight.solver.mesher.MANY_LAMPS", 5)
-    made, stages = room_with_lamp(0.01), Stages()
-    mesher = Mesher(made, setup(Body(made.patches)).blockers, trace=False, stages=stages)
+    made = room_with_lamp(0.01)
+    blockers = setup(Body(made.patches)).blockers
     many = Budget.of(made, 0.05)
     few = dataclasses.replace(many, divisions=np.ones((12, 2), np.int64), elements=12)
-    assert len(mesher.boxes(few)[0]) == 12
-    assert stages.skipped["refinement"].startswith("6 shining patches")
-    assert len(mesher.boxes(many)[0]) > many.elements
-    assert "refinement" not in stages.skipped
+
+    def boxes(budget: Budget) -> tuple[int, dict[str, str]]:
+        stages = Stages()
+        found, _ = Mesher(made, blockers, trace=False, stages=stages).boxes(budget)
+        return len(found), stages.skipped
+
+    count, skipped = boxes(few)
+    assert count == 12 and skipped["refinement"].startswith("6 shining patches")
+    count, skipped = boxes(many)
+    assert count > many.elements and "refinement" not in skipped
 
 
 def test_points_are_done_some_at_a_time(monkeypatch):
