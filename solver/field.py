@@ -19,6 +19,7 @@ from .kernels.rows import Sources
 from .large_rows import find_packed
 from .memory import is_packed
 from .mesh import Boxes
+from .mesh_error import doubt_at
 from .mesher import Mesher
 from .mirror_light import MirrorLight
 from .mirrors import Reflections
@@ -73,8 +74,6 @@ class Field:
         Light on the unknowns.
     sent : dict of (N, b) arrays
         Reflected exitance of the unknowns by light group. [lm/m²]
-    misplaced : float
-        Share of the reflected light that the elements have in the wrong place.
     """
 
     surfaces: Surfaces
@@ -87,7 +86,6 @@ class Field:
     sees_out: bool
     arriving: Gathered
     sent: dict[str, FloatArray]
-    misplaced: float = 0.0
 
     @property
     def all_sent(self) -> FloatArray:
@@ -149,8 +147,8 @@ class FieldSolver:
         self.mirrors = MirrorLight(scene, blockers, self.webs, self.bands, stages)
         self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
-    def solve(self, budget: Budget, boxes: Boxes, misplaced: float = 0.0) -> Field:
-        """Solve on elements over ``boxes``, which have that share of reflected light misplaced."""
+    def solve(self, budget: Budget, boxes: Boxes) -> Field:
+        """Solve on elements over ``boxes``."""
         with self.stages.run("elements"):
             elements = self.mesher.elements(budget, boxes)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
@@ -198,16 +196,32 @@ class FieldSolver:
             sees_out=sees_out,
             arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
             sent=sent,
-            misplaced=misplaced,
         )
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
         weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
+        flux = self._flux_of_lamps(field)
         with self.stages.run("iterated gather"):
-            finer = finer_light(field, weights, lambda some: self.light_at(some, budget, field))
+            finer = finer_light(
+                field, weights, lambda some: self.light_at(some, budget, field), flux, budget.eps
+            )
+        self.stages.figures["lamp_flux_put_right"] = finer.put_right
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
+
+    def _flux_of_lamps(self, field: Field) -> dict[str, FloatArray]:
+        """What lamps (b,) send to the scene, by light group, where form factors alone tell. [lm]"""
+        if self.panes.any or self.mirrors.any:
+            return {}
+        surfaces, scene = field.surfaces, self.scene
+        kept = surfaces.areas * field.unknowns.mean(field.kept)
+        other = {lamp.group for lamp in scene.luminaires if lamp.web or lamp.profile}
+        return {
+            group: kept @ surfaces.emitted_by(scene, group)
+            for group in self.lamp_groups
+            if group not in other
+        }
 
     def light_at(self, some: Unknowns, budget: Budget, field: Field) -> tuple[Gathered, FloatArray]:
         """Light at other points of the surfaces, found as that of the unknowns is.
@@ -254,7 +268,7 @@ class FieldSolver:
     def gather(
         self, grid: Sensors, seen: SensorRows, field: Field, finer: Finer
     ) -> tuple[Gathered, FloatArray]:
-        """Light at sensors, and by how much (m,) the finer light changed the indirect part. [lx]"""
+        """Light at sensors, and how far (m,) its indirect part may be wrong by the mesh. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
             found = gathered(seen.rows, seen.mirrored, asked, finer.unknowns, columns)
@@ -263,7 +277,9 @@ class FieldSolver:
         variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
         light = Gathered.of(seen.light, indirect, variance)
         light = self.highlights.added(light, grid, seen.rows, field, finer, asked.budget)
-        return light, np.abs(luminous(change))
+        elements = field.surfaces.elements
+        doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change))
+        return light, doubt
 
     def _sees_out(self, rows: Rows, lit: NDArray[np.bool_]) -> bool:
         """Whether light may leave the scene from ``lit`` rows, beyond what sampling explains."""
