@@ -22,6 +22,9 @@ OF_CHANGE = 0.5
 #: Error of indirect light against a sampled share of light in the wrong place: what 95 % of the
 #: sensors of plain rooms need at most.
 OF_MISPLACED = 3.0
+#: Error of indirect light against the share of all light that is lacking or too much: it is not
+#: spread like the rest. What 95 % of the sensors of rooms with lamps close to the ceiling need.
+OF_LACKING = 1.5
 #: Pairs of receiver and element at a time.
 PAIRS = 1_000_000
 #: Columns of random signs by which sums of squares are told, to about a sixth.
@@ -38,7 +41,8 @@ class MeshError:
         Share of the reflected light in the wrong place, where only a sample of the elements was
         looked at more closely; else 0.
     lacking : float
-        Share of all flux that the ledger lacks.
+        Share of the indirect light that comes of flux that the ledger lacks or has too much of, or
+        that was put where it may not belong.
     unseen : float
         Elements that the iterated gather left out, against those it looked at, by their worth.
     """
@@ -46,6 +50,18 @@ class MeshError:
     misplaced: float
     lacking: float
     unseen: float
+
+    @classmethod
+    def of_finer(cls, finer: Finer, misplaced: float, residual: float) -> MeshError:
+        """That of ``finer`` light, of whose flux the ledger has the share ``residual`` wrong.
+
+        Flux that is made or lost in the middle of the scene is reflected as all other is: of all
+        light on the elements it makes that share, and a larger one of what is indirect.
+        """
+        areas, arriving = finer.unknowns.areas, finer.arriving
+        indirect = float(arriving.luminous("indirect") @ areas)
+        more = float(arriving.luminous() @ areas) / indirect if indirect > 0.0 else 0.0
+        return cls(misplaced, OF_LACKING * (residual + finer.put_right) * more, finer.unseen)
 
     def of(self, light: Gathered, doubt: FloatArray) -> FloatArray:
         """Error (m,) of the indirect ``light``, of which ``doubt`` (m,) is known. [lx]"""

@@ -220,7 +220,7 @@ class _Simulation:
             )
         finer = solver.finer(field, budget, seen) if misplaced is None else as_it_is(field)
         balance = self._balance(field, finer, solver)
-        error = MeshError(misplaced or 0.0, abs(balance.residual_fraction), finer.unseen)
+        error = MeshError.of_finer(finer, misplaced or 0.0, abs(balance.residual_fraction))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             gathered, doubt = solver.gather(grid, seen[k], field, finer)
