@@ -217,7 +217,8 @@ class Mirrors:
         lamps : bool
             Whether lamps are looked for.
         """
-        # Webs are followed by rays only here, at their mean: their images are `MirrorLight`'s.
+        # Webs and uneven lamps are followed by rays only here, at their mean: their images are
+        # `MirrorLight`'s.
         emits = np.flatnonzero(surfaces.emitted.any(axis=1) & lamps)
         found = np.zeros((2, len(rows.factors), len(emits)))
         for window in self.windows:
@@ -243,7 +244,7 @@ class Mirrors:
         lamps: FloatArray,
     ) -> None:
         """Add to ``lamps`` (2, m, l) those that are seen through one window."""
-        own = emits[~surfaces.web[emits]]
+        own = emits[~(surfaces.web | surfaces.uneven)[emits]]
         seen = self.through(window, rows, surfaces, asked, own, fine)
         if seen is None:
             return
@@ -264,7 +265,8 @@ class Mirrors:
         looking = self.looking(window, rows, surfaces)
         if not len(looking) or not len(lamps):
             return None
-        light = np.concatenate([surfaces.emitted, surfaces.lamp[:, None]], axis=1)[lamps]
+        apart = np.where(surfaces.uneven, np.arange(1, len(surfaces.areas) + 1), 0)
+        light = np.column_stack([surfaces.emitted, surfaces.lamp, apart])[lamps]
         kind = np.unique(light, axis=0, return_inverse=True)[1].reshape(-1)
         parts, owner = window.lamps(surfaces.elements, lamps, kind)
         if not len(owner):
