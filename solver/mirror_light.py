@@ -40,14 +40,23 @@ class MirrorLight(Mirrors):
         Its lamps with webs.
     bands : int
         Bands of light.
+    trace : bool
+        Whether anything can hide anything.
     stages : Stages
         Receives times, counters and warnings.
     """
 
     def __init__(
-        self, scene: SceneData, blockers: Blockers, webs: WebField, bands: int, stages: Stages
+        self,
+        scene: SceneData,
+        blockers: Blockers,
+        webs: WebField,
+        bands: int,
+        *,
+        trace: bool,
+        stages: Stages,
     ) -> None:
-        super().__init__(scene, blockers, stages)
+        super().__init__(scene, blockers, trace=trace, stages=stages)
         self.webs, self.bands = webs, bands
 
     def add(

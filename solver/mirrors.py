@@ -112,12 +112,16 @@ class Mirrors:
         The scene.
     blockers : Blockers
         Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
     stages : Stages
         Receives counters and warnings.
     """
 
-    def __init__(self, scene: SceneData, blockers: Blockers, stages: Stages) -> None:
-        self.scene, self.blockers, self.stages = scene, blockers, stages
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self.shares = mirror_shares(scene)
         self.any = bool(self.shares.any())
         self._caster: RayCaster | None = None
@@ -177,7 +181,7 @@ class Mirrors:
             self.windows += [
                 Window(
                     plane, part, float(self.shares[patch, side]), patch, side,
-                    nets, self.blockers.closed, self.blockers.solid, pieces,
+                    nets, self.blockers.closed, self.blockers.solid, pieces, self.trace,
                 )
                 for part in parts
             ]  # fmt: skip
@@ -288,7 +292,7 @@ class Mirrors:
     ) -> tuple[FloatArray, FloatArray]:
         """Form factors of lamps through a window, and their variances; or with nothing hiding."""
         eps, blockers = asked.budget.eps * FINE_SHARE, window.near
-        if fine:
+        if fine and self.trace:
             # Sensors before the plane have one node: the contour of what is seen is exact.
             from .factors import point_form_factors
 
@@ -396,6 +400,7 @@ class Mirrors:
             min((SENSOR_RAYS if fine else RAYS) / asked.budget.accuracy, MOST_RAYS),
             LAMP_LEVELS[1 if fine else 0],
             NEAR * self.size,
+            self.trace,
             *added,
             others,
             away,
