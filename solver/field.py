@@ -144,7 +144,11 @@ class FieldSolver:
         self.mesher = Mesher(scene, blockers, trace=trace, stages=stages, tester=tester)
         self.bands, self.webs = self._incidence.bands, self._incidence.webs
         self.lamp_groups = self._incidence.lamp_groups
-        self.mirrors = MirrorLight(scene, blockers, self.webs, self.bands, stages)
+        # A cavity hides nothing, but ends light.
+        ends = trace or self.in_cavity
+        self.mirrors = MirrorLight(
+            scene, blockers, self.webs, self.bands, trace=ends, stages=stages
+        )
         self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
     def solve(self, budget: Budget, boxes: Boxes) -> Field:

@@ -101,8 +101,8 @@ class Incidence:
         self.panes = panes
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
-        self.webs = WebField(scene, blockers, trace=trace, stages=stages)
-        self.uneven = UnevenField(scene, blockers, trace=trace, stages=stages)
+        self.webs = WebField(scene, blockers, panes, trace=trace, stages=stages)
+        self.uneven = UnevenField(scene, blockers, panes, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
 
     def on(
@@ -118,7 +118,9 @@ class Incidence:
 
         Of sky and ground it is what the meridians of ``rows`` saw of them.
         """
-        scanned = self._known_outside(asked, rows.outside, sees_out) if self.trace else None
+        scanned = rows.outside if self.trace else None
+        if scanned is not None and not self.panes.any:
+            scanned = self._known_outside(asked, scanned, sees_out)
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
         self.add_lamps(light, asked, rows, surfaces, areas=unknowns.areas)
         return light
@@ -182,7 +184,7 @@ class Incidence:
         """
         light = Light({}, *np.zeros((3, len(receivers.nodes))))
         if self.panes.any and sees_out:
-            self._add_through_panes(light, receivers, budget, scanned)
+            self._add_through_panes(light, receivers, budget, scanned is not None)
             return light
         scene, stages = self.scene, self.stages
         jobs: list[tuple[str, CIESky | float, float]] = []
@@ -247,11 +249,11 @@ class Incidence:
         )
 
     def _add_through_panes(
-        self, light: Light, receivers: Receivers, budget: Budget, scanned: FloatArray | None
+        self, light: Light, receivers: Receivers, budget: Budget, on_elements: bool
     ) -> None:
         """The same in a scene with panes."""
         with self.stages.run("light through panes") as tell:
-            found = self.panes.daylight(receivers, budget, scanned, tell)
+            found = self.panes.daylight(receivers, budget, tell, on_elements=on_elements)
         sky, sun = self.scene.sky, self.scene.sun
         ccts = {"sky": sky and sky.cct_k, "sun": sun and sun.cct_k}
         for name, lux in found.illuminance.items():

@@ -40,14 +40,23 @@ class MirrorLight(Mirrors):
         Its lamps with webs.
     bands : int
         Bands of light.
+    trace : bool
+        Whether anything can hide anything.
     stages : Stages
         Receives times, counters and warnings.
     """
 
     def __init__(
-        self, scene: SceneData, blockers: Blockers, webs: WebField, bands: int, stages: Stages
+        self,
+        scene: SceneData,
+        blockers: Blockers,
+        webs: WebField,
+        bands: int,
+        *,
+        trace: bool,
+        stages: Stages,
     ) -> None:
-        super().__init__(scene, blockers, stages)
+        super().__init__(scene, blockers, trace=trace, stages=stages)
         self.webs, self.bands = webs, bands
 
     def add(
@@ -101,6 +110,7 @@ class MirrorLight(Mirrors):
                     light.direct[job.name] = light.direct[job.name] + found[:, None] * job.color
                     light.variance += variance
             self._add_webs(light, rows, surfaces, asked, fine)
+            self._add_uneven(light, rows, surfaces, asked, fine)
             seen = self.reflect(rows, surfaces, asked, fine=fine)
             emitted, lamp = surfaces.emitted[seen.emits], surfaces.lamp[seen.emits]
             for group in dict.fromkeys(one.group for one in self.scene.luminaires):
@@ -139,3 +149,28 @@ class MirrorLight(Mirrors):
                 added[seen.looking] = window.share * found.illuminance[:, None] * color
                 light.direct[group] = light.direct[group] + added
                 light.variance[seen.looking] += window.share**2 * found.variance
+
+    def _add_uneven(
+        self, light: Direct, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool
+    ) -> None:
+        """Add lamps whose exitance varies over them."""
+        emission = surfaces.emission
+        if emission is None:
+            return
+        from .uneven_images import light_through
+
+        groups = np.array([self.scene.luminaires[row].group for row in emission.lamp])
+        for group in dict.fromkeys(groups.tolist()):
+            own = emission.element[groups == group]
+            for window in self.windows:
+                seen = self.through(window, rows, surfaces, asked, own, fine)
+                if seen is None:
+                    continue
+                plain, _ = self.factors(window, seen.images, seen.parts, asked, fine, hiding=False)
+                found, variance = light_through(
+                    self.scene, emission, window, seen, plain, asked.budget
+                )
+                added = np.zeros_like(light.direct[group])
+                added[seen.looking] = window.share * found
+                light.direct[group] = light.direct[group] + added
+                light.variance[seen.looking] += window.share**2 * variance

@@ -112,12 +112,16 @@ class Mirrors:
         The scene.
     blockers : Blockers
         Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
     stages : Stages
         Receives counters and warnings.
     """
 
-    def __init__(self, scene: SceneData, blockers: Blockers, stages: Stages) -> None:
-        self.scene, self.blockers, self.stages = scene, blockers, stages
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self.shares = mirror_shares(scene)
         self.any = bool(self.shares.any())
         self._caster: RayCaster | None = None
@@ -177,7 +181,7 @@ class Mirrors:
             self.windows += [
                 Window(
                     plane, part, float(self.shares[patch, side]), patch, side,
-                    nets, self.blockers.closed, self.blockers.solid, pieces,
+                    nets, self.blockers.closed, self.blockers.solid, pieces, self.trace,
                 )
                 for part in parts
             ]  # fmt: skip
@@ -217,7 +221,8 @@ class Mirrors:
         lamps : bool
             Whether lamps are looked for.
         """
-        # Webs are followed by rays only here, at their mean: their images are `MirrorLight`'s.
+        # Webs and uneven lamps are followed by rays only here, at their mean: their images are
+        # `MirrorLight`'s.
         emits = np.flatnonzero(surfaces.emitted.any(axis=1) & lamps)
         found = np.zeros((2, len(rows.factors), len(emits)))
         for window in self.windows:
@@ -243,7 +248,7 @@ class Mirrors:
         lamps: FloatArray,
     ) -> None:
         """Add to ``lamps`` (2, m, l) those that are seen through one window."""
-        own = emits[~surfaces.web[emits]]
+        own = emits[~(surfaces.web | surfaces.uneven)[emits]]
         seen = self.through(window, rows, surfaces, asked, own, fine)
         if seen is None:
             return
@@ -264,7 +269,8 @@ class Mirrors:
         looking = self.looking(window, rows, surfaces)
         if not len(looking) or not len(lamps):
             return None
-        light = np.concatenate([surfaces.emitted, surfaces.lamp[:, None]], axis=1)[lamps]
+        apart = np.where(surfaces.uneven, np.arange(1, len(surfaces.areas) + 1), 0)
+        light = np.column_stack([surfaces.emitted, surfaces.lamp, apart])[lamps]
         kind = np.unique(light, axis=0, return_inverse=True)[1].reshape(-1)
         parts, owner = window.lamps(surfaces.elements, lamps, kind)
         if not len(owner):
@@ -286,7 +292,7 @@ class Mirrors:
     ) -> tuple[FloatArray, FloatArray]:
         """Form factors of lamps through a window, and their variances; or with nothing hiding."""
         eps, blockers = asked.budget.eps * FINE_SHARE, window.near
-        if fine:
+        if fine and self.trace:
             # Sensors before the plane have one node: the contour of what is seen is exact.
             from .factors import point_form_factors
 
@@ -394,6 +400,7 @@ class Mirrors:
             min((SENSOR_RAYS if fine else RAYS) / asked.budget.accuracy, MOST_RAYS),
             LAMP_LEVELS[1 if fine else 0],
             NEAR * self.size,
+            self.trace,
             *added,
             others,
             away,

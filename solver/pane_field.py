@@ -84,15 +84,20 @@ class PaneField:
             return rows
         return self.rows.complete(rows, asked, elements, areas, mesh=mesh)
 
+    def left_of(self, factors: MatrixArray, asked: Ask, elements: Elements) -> MatrixArray:
+        """What panes leave of form factors (m, k) of some elements, all of them without panes."""
+        return self.rows.left_of(factors, asked, elements) if self.any else factors
+
     def daylight(
         self,
         receivers: Receivers,
         budget: Budget,
-        scanned: FloatArray | None,
         tell: Callable[[int, int], None],
+        *,
+        on_elements: bool,
     ) -> Daylight:
         """Light from outside; see `PaneDome.light`."""
-        return self.dome.light(receivers, budget, scanned, tell)
+        return self.dome.light(receivers, budget, tell, on_elements=on_elements)
 
     def scattering(self, surfaces: Surfaces) -> Scattering | None:
         """What diffusing panels send on to their other side; None where there are none."""
@@ -136,13 +141,17 @@ class PaneField:
                 if name.endswith(".direct")
             }
             outside = {name: direct[name] for name in DAYLIGHT if name in direct}
-            lamps = sum(
-                (values[rows] for name, values in direct.items() if name not in outside),
-                np.zeros((len(rows), exitance.shape[1])),
-            )
-            webs = lamps - np.asarray(factors[rows] @ surfaces.diffuse)
             kept = passing_flux(areas, passing.of_surfaces(factors, exitance))
-            flux[rows] += kept + passing_flux(areas, passing.of_web_lamps(np.maximum(webs, 0.0)))
+            flux[rows] += kept
+            for group, values in direct.items():
+                if group in outside:
+                    continue
+                # What form factors do not tell of lamps: webs, or where uneven ones are bright.
+                even = np.asarray(factors[rows] @ surfaces.emitted_by(self.scene, group))
+                more = values[rows] - even
+                if any(one.web is not None for one in self.scene.luminaires if one.group == group):
+                    more = np.maximum(more, 0.0)
+                flux[rows] += passing_flux(areas, passing.of_lamps(more))
             escaped = float(kept.sum())
             if outside:
                 come = passing_flux(areas, passing.of_daylight(outside))

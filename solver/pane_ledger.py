@@ -121,8 +121,8 @@ class Passing:
                 out[lit] += shares[group][:, None] * direct[group][self.rows[lit]]
         return out
 
-    def of_web_lamps(self, light: FloatArray) -> FloatArray:
-        """Of the light (k, b) of lamps with webs, taken to come from all directions alike."""
+    def of_lamps(self, light: FloatArray) -> FloatArray:
+        """Of other light (k, b) of lamps, taken to come from all directions alike."""
         shares = [law.diffuse_transmittance * (1.0 - law.diffuse) for law in self._laws]
         return np.asarray(np.array(shares)[:, None] * light)
 

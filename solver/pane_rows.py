@@ -15,7 +15,7 @@ from .exchange import Rows, form_factor_matrix, make_sources
 from .kernels.panes import Panes, Tree, pane_rows
 from .kernels.pyramid import Blockers
 from .kernels.threads import count_threads
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, MatrixArray
 from .model.elements import Elements
 from .model.scene import SceneData
 from .row_finder import Ask
@@ -118,8 +118,23 @@ class PaneRows:
             single=True,
         )
 
+    def left_of(self, factors: MatrixArray, asked: Ask, elements: Elements) -> FloatArray:
+        """What panes leave of any form factors (m, k) of some elements.
+
+        As `complete` takes it from those that there are: what is hidden besides is then told by
+        comparing both.
+        """
+        kept = np.array(factors, dtype=np.float32)
+        rows = Rows(kept, np.zeros_like(kept), {}, np.zeros((len(kept), 5)))
+        self._take(rows, asked, elements)
+        return np.asarray(kept, dtype=np.float64)
+
     def _keep_back(self, rows: Rows, asked: Ask, elements: Elements) -> None:
         """Multiply factors by the share that panes leave, in place."""
+        self.stages.count({"pairs_through_panes": self._take(rows, asked, elements)})
+
+    def _take(self, rows: Rows, asked: Ask, elements: Elements) -> int:
+        """The same; returns how many pairs were looked at."""
         receivers, nets = asked.receivers, writable(elements.nets)
         pieces, panes = WebPieces.of(nets), self.panes.nets
         points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
@@ -156,4 +171,4 @@ class PaneRows:
             rows.variances,
             looked,
         )
-        self.stages.count({"pairs_through_panes": int(looked.sum())})
+        return int(looked.sum())

@@ -15,6 +15,9 @@ from .test_webs import cosine, toward, uneven, with_web
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 
 
+SQUARE = ((-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0))
+
+
 def lamp_over_mirror(mirror, points, *bodies, accuracy=0.01, share=0.8):
     """Sensors that look down at a mirror, in which they see a lamp that shines down from z = 3."""
     parts = setup(mirror, ceiling(-0.4, 0.6, -0.3, 0.3, 3.0), *bodies)
@@ -212,3 +215,24 @@ def test_a_web_in_a_mirror_keeps_its_directions(web):
     exact = 0.8 * intensity * -way[:, 2] / distance**3
     # The lamp is a five-hundredth of the distance wide, and webs bend at their angles.
     assert found.sensors["g"].components["lamp.direct"] == pytest.approx(exact, rel=2e-3)
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_without_visibility_nothing_hides_in_mirrors(curved):
+    """A screen between lamp and mirror, and one between mirror and sensor, change nothing."""
+    mirror = PatchSet.sphere((0, 0, -3), 3.0) if curved else rectangle(*SQUARE)
+    screens = (ceiling(-0.6, 0.6, -0.6, 0.6, 1.2), ceiling(-0.4, 0.4, -0.4, 0.4, 0.3))
+    points = np.array([(0.3, 0.2, 0.6), (-0.2, -0.3, 0.9)])
+    how = {"lamps": [(1, "lamp", 1000.0)], "sensors": [grid("g", points, DOWN)]}
+    how |= {"sky": CIESky(5, zenith_luminance_cd_m2=100.0), "ground": Ground(0.0)}
+    light = []
+    for more in ((), screens):
+        parts = setup(mirror, ceiling(-0.3, 0.2, -0.3, 0.3, 2.0), *more)
+        made = [Material(0.0, mirror=0.8), BLACK, *(BLACK for _ in more)]
+        made = with_materials(parts, made, **how)
+        light.append(solve(made, accuracy=0.03, visibility="none").sensors["g"])
+    plain, hidden = light
+    assert plain.components["lamp.direct"].min() > 1.0
+    for name in ("lamp.direct", "sky.direct"):
+        # Rays are the same, but for what the larger scene does to their rounding.
+        np.testing.assert_allclose(hidden.components[name], plain.components[name], rtol=1e-6)
