@@ -1,0 +1,3 @@
+"""Scenes whose light is known in closed form, beside the benchmark's cases."""
+
+REFERENCES = ()
