@@ -1,6 +1,6 @@
 """Whether stated errors hold, and how much too large they are: every case of known truth.
 
-    python tests/benchmarks/stated_errors.py [--case C3 ...] [--accuracy 0.1 0.03 ...] [-o FILE.json]
+    python tests/benchmarks/stated_errors.py [--case C3 ...] [--accuracy 0.1 ...] [-o FILE.json]
 
 prints a line for each case and accuracy. ``covered`` is the share of the sensors whose true error
 is within the stated one, ``needed`` what the stated ones had to be multiplied with to cover 95 %,
@@ -20,18 +20,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from case import Case
-from cases import CASES
 from measure import FLOOR
-from references import REFERENCES
-from tools.ours import scene_data
+from patchlight.solver.model.arrays import FloatArray
+from references import REFERENCES, Reference
 
 #: Accuracies that are looked at when none are asked for.
 ACCURACIES = (0.3, 0.1, 0.03, 0.01)
 #: Share of the sensors that the stated error has to hold at.
 SHARE = 0.95
-#: Relative error of a truth that is more than that of rounding.
-DOUBT = {"C3": 5e-6, "C3_surf": 1e-4, "D2": 1e-5}
 #: True errors below this are taken for it: form factors are stored in single precision.
 LEAST = 1e-7
 
@@ -83,20 +79,21 @@ HEADER = (
 )
 
 
-def cover(case: Case, accuracy: float) -> Coverage:
-    """Solve a case and compare what is stated with what is true."""
+def cover(case: Reference, accuracy: float, truth: FloatArray) -> Coverage:
+    """Solve a case and compare what is stated with what is true; ``truth`` (n,) is its own."""
     from patchlight.pipeline import simulate
 
-    simulate(scene_data(case), accuracy=0.5)  # loads what is compiled, or compiles
+    scene = case.scene()
+    simulate(scene, accuracy=0.5)  # loads what is compiled, or compiles
     start = time.process_time()
-    result = simulate(scene_data(case), accuracy=accuracy)
+    result = simulate(scene, accuracy=accuracy)
     seconds = time.process_time() - start
-    found, truth = result.sensors["sensors"], case.truth()
+    found = result.sensors["sensors"]
     judged = truth > FLOOR * truth.max()
     truth = truth[judged]
     true = np.abs(found.illuminance_lx[judged] / truth - 1.0)
     stated = found.error_lx[judged] / truth
-    granted = np.maximum(true - DOUBT.get(case.name, 0.0), 0.0)
+    granted = np.maximum(true - case.doubt, 0.0)
     needed = np.quantile(granted / np.maximum(stated, 1e-300), SHARE, method="higher")
     return Coverage(
         case=case.name,
@@ -128,10 +125,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--reflecting", action="store_true", help="only cases that reflect light")
     parser.add_argument("-o", "--output", type=Path, help="also write all figures as JSON")
     options = parser.parse_args(arguments)
-    known = (*CASES, *REFERENCES)
-    cases = [c for c in known if not options.case or c.name.startswith(tuple(options.case))]
+    cases = [c for c in REFERENCES if not options.case or c.name.startswith(tuple(options.case))]
     if not cases:
-        names = ", ".join(c.name for c in known)
+        names = ", ".join(c.name for c in REFERENCES)
         print(f"no case is called {' or '.join(options.case)}; there are {names}", file=sys.stderr)
         return 2
     # Threads that wait for the next loop would otherwise spin, and count as CPU time under load.
@@ -141,8 +137,9 @@ def main(arguments: list[str] | None = None) -> int:
     for case in cases:
         if options.reflecting and not case.reflects:
             continue
+        truth = case.truth()
         for accuracy in options.accuracy:
-            rows.append(cover(case, accuracy))
+            rows.append(cover(case, accuracy, truth))
             print(rows[-1], flush=True)
     for accuracy in options.accuracy:
         print(f"accuracy {accuracy:g}, {pooled([r for r in rows if r.accuracy == accuracy])}")
