@@ -298,6 +298,15 @@ class FieldSolver:
             leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
         return bool(leaves.any())
 
+    @property
+    def _box_area(self) -> float:
+        """Surface of the box about all patches and sensors. [m²]"""
+        ends = [self.scene.patches.bounds(), *((g.points, g.points) for g in self.scene.sensors)]
+        low = np.min([np.min(np.atleast_2d(a), axis=0) for a, _ in ends], axis=0)
+        high = np.max([np.max(np.atleast_2d(b), axis=0) for _, b in ends], axis=0)
+        x, y, z = high - low
+        return float(2.0 * (x * y + y * z + z * x))
+
     def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
         """Elements as sources, and how far their facets leave them.
 
@@ -306,13 +315,15 @@ class FieldSolver:
         """
         elements = self.panes.opaque(surfaces.elements)
         emitted, areas = (a[: len(elements)] for a in (luminous(surfaces.emitted), surfaces.areas))
-        mean = float(emitted @ areas) / float(areas.sum())
+        # What all there is would get of the lamps' light, or a box about it where most escapes.
+        mean = float(emitted @ areas) / max(float(areas.sum()), self._box_area)
+        dim = np.minimum(mean / np.maximum(emitted, max(mean, 1e-300)), 1.0)
         cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
         cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
         nets = self.scene.patches.control_points
         if not self.trace:
-            sources = make_sources(elements, nets, cell_eps)
+            sources = make_sources(elements, nets, cell_eps, dim=dim)
             return sources, np.zeros(len(surfaces.elements))
         facets, lifts = make_facets(elements, nets, self.blockers.closed, self.blockers.solid)
         bright = emitted > BRIGHT * mean
@@ -322,7 +333,7 @@ class FieldSolver:
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
-        sources = make_sources(elements, nets, cell_eps, scan)
+        sources = make_sources(elements, nets, cell_eps, scan, dim)
         return sources, self.panes.lifts(lifts, surfaces.elements)
 
 
