@@ -20,11 +20,13 @@ from .memory import is_packed
 from .mesh import Boxes
 from .mesher import Mesher
 from .model.arrays import FloatArray
+from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .radiosity import RadiositySystem
 from .reciprocity import LampShares
+from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
 from .stages import Stages
@@ -72,6 +74,10 @@ class Field:
         Reflected exitance of the unknowns by light group. [lm/m²]
     lamp_shares : LampShares
         What its elements get of lamps near them.
+    cell_eps : (n,) array
+        Form factor below which a partly hidden cell of each element is sampled.
+    bright : (n,) bool array
+        Elements that are told by lines of sight.
     misplaced : float
         Share of the reflected light that the elements have in the wrong place.
     """
@@ -87,6 +93,8 @@ class Field:
     arriving: Gathered
     sent: dict[str, FloatArray]
     lamp_shares: LampShares
+    cell_eps: FloatArray
+    bright: NDArray[np.bool_]
     misplaced: float = 0.0
 
     @property
@@ -125,6 +133,8 @@ class FieldSolver:
         Receives times, counters and reasons.
     tester : Containment, optional
         Of the scene; made here where there is none yet.
+    kept : Kept, optional
+        What runs before this one have found; nothing when not given.
     """
 
     def __init__(
@@ -135,22 +145,37 @@ class FieldSolver:
         trace: bool,
         stages: Stages,
         tester: Containment | None = None,
+        kept: Kept | None = None,
     ) -> None:
+        self.kept = Kept(scene, stages=stages) if kept is None else kept
+        #: Of a run before this one, where it is taken again.
+        self.mesh_before: Mesh | None = None
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         #: All there is is one convex cavity.
         self.in_cavity = is_single(blockers, blockers.hollow)
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
         self._incidence = Incidence(scene, blockers, trace=trace, stages=stages)
-        self.mesher = Mesher(scene, blockers, trace=trace, stages=stages, tester=tester)
+        self.mesher = Mesher(
+            scene, blockers, trace=trace, stages=stages, tester=tester, kept=self.kept
+        )
         self.bands, self.webs = self._incidence.bands, self._incidence.webs
         self.lamp_groups = self._incidence.lamp_groups
 
     def solve(self, budget: Budget, boxes: Boxes, misplaced: float = 0.0) -> Field:
         """Solve on elements over ``boxes``, which have that share of reflected light misplaced."""
         with self.stages.run("elements"):
-            elements = self.mesher.elements(budget, boxes)
+            elements = self.kept.find(
+                "elements", (budget, boxes), lambda: self.mesher.elements(budget, boxes)
+            )
             surfaces = Surfaces.of(self.scene, elements, self.bands)
-            sources, lifts = self._sources(budget, surfaces)
+            cell_eps, bright = self._tolerances(budget, surfaces)
+            if self.mesh_before is not None:
+                cell_eps, bright = self.mesh_before.tolerances(boxes, cell_eps, bright)
+            sources, lifts = self.kept.find(
+                "sources",
+                (budget, boxes, cell_eps, bright),
+                lambda: self._sources(budget, elements, cell_eps, bright),
+            )
             unknowns = Unknowns.of(elements, budget.basis)
         of = unknowns.element
         with self.stages.run("form factors") as tell:
@@ -160,10 +185,14 @@ class FieldSolver:
                 found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
                 rows, sees_out, raw = found
             else:
-                rows = self._factors.rows(asked, tell)
-                sees_out = self._sees_out(rows, unknowns.areas > 0.0)
-                raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
-            factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
+
+                def find() -> tuple[Rows, bool, FloatArray]:
+                    rows = self._factors.rows(asked, tell)
+                    sees_out = self._sees_out(rows, unknowns.areas > 0.0)
+                    return rows, sees_out, self._factors.close(rows, 1.0, asked, outside=sees_out)
+
+                rows, sees_out, raw = self.kept.rows("form factors", asked, (), find)
+            factors = self.kept.factors(unknowns, rows, asked)
         shares = LampShares.of(rows, surfaces, unknowns)
         light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
         with self.stages.run("radiosity"):
@@ -186,6 +215,8 @@ class FieldSolver:
             arriving=Gathered.of(light, indirect, rows.variance_of(luminous(exitance))),
             sent=sent,
             lamp_shares=shares,
+            cell_eps=cell_eps,
+            bright=bright,
             misplaced=misplaced,
         )
 
@@ -197,7 +228,8 @@ class FieldSolver:
 
         weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
         with self.stages.run("iterated gather"):
-            finer = finer_light(field, weights, gathered)
+            before = None if self.mesh_before is None else self.mesh_before.halved
+            finer = finer_light(field, weights, gathered, before)
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
 
@@ -207,8 +239,13 @@ class FieldSolver:
         Also the sums (k,) of their rows.
         """
         asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
-        rows = self._factors.rows(asked)
-        self._factors.close(rows, 1.0, asked, outside=field.sees_out)
+
+        def find() -> tuple[Rows]:
+            rows = self._factors.rows(asked)
+            self._factors.close(rows, 1.0, asked, outside=field.sees_out)
+            return (rows,)
+
+        (rows,) = self.kept.rows("iterated gather", asked, (field.sees_out,), find)
         light = self._incidence.on(
             asked, rows, field.surfaces, some, field.lamp_shares, sees_out=field.sees_out
         )
@@ -230,13 +267,19 @@ class FieldSolver:
             azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
             point_from=np.full_like(sources.point_from, np.inf),
         )
+        light = self._incidence.from_outside(receivers, budget, field.sees_out)
+        closed = not field.sees_out or {"sky", "ground"} <= set(light.direct)
         with self.stages.run("sensors") as tell:
             asked = Ask(budget, receivers, fine, share=FINE_SHARE)
-            rows = self._factors.rows(asked, tell)
-        light = self._incidence.from_outside(receivers, budget, field.sees_out)
-        if not field.sees_out or {"sky", "ground"} <= set(light.direct):
-            totals = 1.0 - light.outside
-            self._factors.close(rows, totals, asked, spread=light.outside_variance)
+
+            def find() -> tuple[Rows]:
+                rows = self._factors.rows(asked, tell)
+                if closed:
+                    totals = 1.0 - light.outside
+                    self._factors.close(rows, totals, asked, spread=light.outside_variance)
+                return (rows,)
+
+            (rows,) = self.kept.rows("sensors", asked, (closed,), find, sky=False)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
         return SensorRows(asked, rows, light)
 
@@ -269,28 +312,32 @@ class FieldSolver:
             leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
         return bool(leaves.any())
 
-    def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
-        """Elements as sources, and how far their facets leave them.
-
-        The brighter one is, the finer its partly hidden cells are cut, and the weaker are the
-        pairs that are traced.
-        """
+    def _tolerances(
+        self, budget: Budget, surfaces: Surfaces
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Cells (n,) of the elements, finer the brighter one is, and which are told by sights."""
         emitted = luminous(surfaces.emitted)
         mean = float(emitted @ surfaces.areas) / float(surfaces.areas.sum())
         cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
         cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
+        return cell_eps, emitted > BRIGHT * mean
+
+    def _sources(
+        self, budget: Budget, elements: Elements, cell_eps: FloatArray, bright: NDArray[np.bool_]
+    ) -> tuple[Sources, FloatArray]:
+        """Elements as sources, and how far their facets leave them.
+
+        The finer cells of one are cut, the weaker are the pairs that are traced.
+        """
         nets = self.scene.patches.control_points
         if not self.trace:
-            return make_sources(surfaces.elements, nets, cell_eps), np.zeros(len(emitted))
-        facets, lifts = make_facets(
-            surfaces.elements, nets, self.blockers.closed, self.blockers.solid
-        )
-        bright = emitted > BRIGHT * mean
-        facets = with_sights(facets, surfaces.elements, self.blockers.solid, bright, budget.sights)
-        exact_above = np.full(len(emitted), budget.exact_above)
+            return make_sources(elements, nets, cell_eps), np.zeros(len(cell_eps))
+        facets, lifts = make_facets(elements, nets, self.blockers.closed, self.blockers.solid)
+        facets = with_sights(facets, elements, self.blockers.solid, bright, budget.sights)
+        exact_above = np.full(len(cell_eps), budget.exact_above)
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
-        return make_sources(surfaces.elements, nets, cell_eps, scan), lifts
+        return make_sources(elements, nets, cell_eps, scan), lifts

@@ -8,8 +8,8 @@ import numpy as np
 
 from .budget import Budget
 from .containment import Containment
-from .direct_light import DirectLight
 from .horizon_lines import with_lines
+from .kept_light import KeptLight
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
@@ -17,6 +17,7 @@ from .model.arrays import FloatArray
 from .model.elements import Elements
 from .model.scene import SceneData
 from .refinement import Refiner
+from .reuse import Kept, Mesh
 from .stages import Stages
 from .surfaces import reflectances
 
@@ -44,6 +45,8 @@ class Mesher:
         Receives counters.
     tester : Containment, optional
         Of the scene; made here where there is none yet.
+    kept : Kept, optional
+        What runs before this one have found; nothing when not given.
     """
 
     def __init__(
@@ -54,7 +57,9 @@ class Mesher:
         trace: bool,
         stages: Stages,
         tester: Containment | None = None,
+        kept: Kept | None = None,
     ) -> None:
+        self.kept = Kept(scene, stages=stages) if kept is None else kept
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self._containment = Containment(scene) if tester is None else tester
         self._refiner: Refiner | None = None
@@ -97,13 +102,27 @@ class Mesher:
             )
             return boxes, 0.0
         self.stages.skipped.pop("refinement", None)  # of a coarser mesh
-        if self._refiner is None:
-            light = DirectLight(self.scene, self.blockers, trace=self.trace)
-            rho = reflectances(self.scene)
-            self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
-        cut, misplaced = self._refiner.refine(boxes, budget.misplaced, most)
+        cut, misplaced = self._refine_by(budget).refine(boxes, budget.misplaced, most)
         self.stages.count({"elements_added": len(cut) - len(boxes)})
         return cut, misplaced
+
+    def _refine_by(self, budget: Budget) -> Refiner:
+        if self._refiner is None:
+            light = KeptLight(self.scene, self.blockers, trace=self.trace, kept=self.kept)
+            rho = reflectances(self.scene)
+            self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
+        return self._refiner
+
+    @property
+    def judges(self) -> bool:
+        """Whether it is known what the meshes misplace."""
+        return self._refiner is not None
+
+    def misplaced_again(self, mesh: Mesh, budget: Budget) -> float:
+        """Share of the reflected light in the wrong place on the mesh of a run before this one."""
+        if not mesh.judged or not (self.scene.luminaire_index >= 0).any():
+            return 0.0
+        return self._refine_by(budget).refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
 
     def misplaced(self, boxes: Boxes, otherwise: float) -> float:
         """Share of the reflected light in the wrong place on ``boxes``, where that is known."""

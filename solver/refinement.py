@@ -17,14 +17,18 @@ References
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from .direct_light import DirectLight
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import gauss_rule, surface_points
 from .model.patches import PatchSet
 from .unknowns import lagrange
+
+if TYPE_CHECKING:
+    from .kept_light import KeptLight
 
 #: Gauss points a direction at which the light in a box is looked at: what lies within a fourteenth
 #: of it from its sides is not seen.
@@ -51,14 +55,14 @@ class Refiner:
         The surfaces.
     reflectance : (p, 2) array
         Diffuse reflectance of both sides.
-    light : DirectLight
+    light : KeptLight
         What falls on them.
     distance : float
         Distance to what their light falls on, where no lamp is nearer. [m]
     """
 
     def __init__(
-        self, patches: PatchSet, reflectance: FloatArray, light: DirectLight, distance: float
+        self, patches: PatchSet, reflectance: FloatArray, light: KeptLight, distance: float
     ) -> None:
         self.patches, self.reflectance = patches, reflectance
         self.light, self.distance = light, distance

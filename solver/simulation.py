@@ -23,6 +23,7 @@ from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .placement import check_placement
+from .reuse import STORE, Kept, Mesh, forget
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
@@ -44,6 +45,7 @@ def solve(
     visibility: str = "auto",
     progress: Progress | None = None,
     threads: int | None = None,
+    cache: bool = True,
 ) -> Result:
     """Solve a frozen scene.
 
@@ -60,6 +62,9 @@ def solve(
         Called as ``progress(stage, done, total)``.
     threads : int, optional
         Threads of the kernels; all cores when not given. The numbers do not depend on it.
+    cache : bool
+        Whether to take what earlier runs of this process found, as far as it holds for this scene,
+        and to keep what this one finds; see `reuse`.
 
     Returns
     -------
@@ -85,7 +90,7 @@ def solve(
         raise GeometryError("the scene has no surfaces")
     previous = None if threads is None else _set_threads(threads)
     try:
-        return _Simulation(scene, accuracy, visibility, Stages(progress)).run()
+        return _Simulation(scene, accuracy, visibility, Stages(progress), cache=cache).run()
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -112,11 +117,16 @@ class _Solved:
 class _Simulation:
     """One run; each method is a stage."""
 
-    def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
+    def __init__(
+        self, scene: SceneData, accuracy: float, visibility: str, stages: Stages, *, cache: bool
+    ) -> None:
+        self.store = STORE if cache else None
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.budget = Budget.of(scene, accuracy)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
+        if not fits(self.budget.elements, self.largest_grid):
+            forget()  # what is kept may be found again
         check_memory(
             self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
         )
@@ -124,13 +134,19 @@ class _Simulation:
     def run(self) -> Result:
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
-            blockers = make_blockers(scene.patches, scene.closed, scene.patches.part_index)
+            kept = Kept(scene, stages=stages, store=self.store)
+            solids = scene.patches, scene.closed, scene.patches.part_index
+            blockers = kept.find("blockers", (), lambda: make_blockers(*solids))
             tester = Containment(scene)
-            stages.warnings.extend(check_placement(scene, tester))
+            placed = (scene.luminaire_index, scene.luminaires, scene.cameras, scene.sensors)
+            found = kept.find("placement", placed, lambda: check_placement(scene, tester))
+            stages.warnings.extend(found)
         self._say_skipped(blockers)
         trace = "visibility" not in stages.skipped
-        solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester)
-        solved = self._solved(solver)
+        kept = kept.with_more(trace)
+        solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester, kept=kept)
+        solved = self._solved(solver, kept)
+        kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
         light = finer.light
@@ -168,7 +184,21 @@ class _Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(self, solver: FieldSolver) -> _Solved:
+    def _solved(self, solver: FieldSolver, kept: Kept) -> _Solved:
+        """Light on the mesh of a run before this one, if it does, or on one of the scene's own."""
+        before, solved = kept.mesh(self.budget), None
+        if before is not None:
+            with self.stages.run("elements"):
+                misplaced = solver.mesher.misplaced_again(before, self.budget)
+            if before.still_good(misplaced, self.budget.misplaced):
+                solver.mesh_before = before
+                solved = self._on(solver, before.boxes, misplaced)
+                if before.converged and not self._converged(solved.sensors):
+                    solver.mesh_before = solved = None
+        self.stages.figures["mesh_of_earlier_run"] = solved is not None
+        return self._on_own_mesh(solver, kept) if solved is None else solved
+
+    def _on_own_mesh(self, solver: FieldSolver, kept: Kept) -> _Solved:
         """Light on the mesh of the budget, cut further where its error is too large."""
         boxes, misplaced = solver.mesher.boxes(self.budget)
         solved = self._on(solver, boxes, misplaced)
@@ -186,7 +216,21 @@ class _Simulation:
                 break
             boxes, misplaced = finer, solver.mesher.misplaced(finer, misplaced)
             solved = self._on(solver, boxes, misplaced)
+        kept.keep_mesh(self.budget, self._mesh(solver, solved, boxes, misplaced))
         return solved
+
+    def _mesh(self, solver: FieldSolver, solved: _Solved, boxes: Boxes, misplaced: float) -> Mesh:
+        """What a later run needs to take the same mesh."""
+        field = solved.field
+        return Mesh(
+            boxes=boxes,
+            misplaced=misplaced,
+            judged=solver.mesher.judges,
+            cell_eps=field.cell_eps,
+            bright=field.bright,
+            halved=solved.finer.halved,
+            converged=self._converged(solved.sensors),
+        )
 
     def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> _Solved:
         """Light on one mesh, and at the sensors."""

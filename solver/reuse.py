@@ -1,0 +1,284 @@
+"""What a run found, kept for later runs of the same process.
+
+Values are kept under a hash of all that they are made of, so that a later run gets what it would
+find itself, to the bit. Form factors depend on surfaces, mesh and tolerances, on no paint and no
+lamp: a scene that is painted or dimmed anew needs none, as long as its mesh stays. Where the light
+of the lamps decides on the mesh it would move with every change; so the mesh of the run before is
+taken again while it is good enough for the new light, see `Mesh`.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .budget import Budget
+from .exchange import Rows
+from .memory import available_bytes
+from .mesh import Boxes
+from .model.arrays import FloatArray, IntArray, MatrixArray
+from .model.scene import SceneData
+from .row_finder import Ask
+from .skies import sky_tone
+from .stages import Stages
+from .unknowns import Unknowns
+
+Value = TypeVar("Value")
+RowsAndMore = TypeVar("RowsAndMore", bound=tuple[Any, ...])
+
+#: Share of the memory that would be free without it, which the store may take.
+SHARE = 0.2
+#: The same where the system does not tell. [B]
+UNTOLD = 500_000_000
+#: Misplaced light up to which a mesh is taken again, against what it may have.
+LOOSER = 1.5
+#: Cells of partly hidden elements that are this much larger than asked for are fine enough.
+COARSER = 2.0
+
+
+class Store:
+    """Values by hash; what was not asked for longest is given up for new ones."""
+
+    def __init__(self) -> None:
+        self._values: OrderedDict[bytes, tuple[Any, int]] = OrderedDict()
+        self._lock = threading.Lock()
+        self.bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def get(self, key: bytes) -> Any:
+        """The value under ``key``; None where there is none."""
+        with self._lock:
+            if key not in self._values:
+                return None
+            self._values.move_to_end(key)
+            return self._values[key][0]
+
+    def put(self, key: bytes, value: Any) -> None:
+        """Keep ``value``, unless it takes more memory than the store may have."""
+        size = nbytes(value)
+        with self._lock:
+            self.bytes -= self._values.pop(key, (None, 0))[1]
+            free = available_bytes()
+            room = UNTOLD if free is None else int(SHARE * (free + self.bytes))
+            while self._values and self.bytes + size > room:
+                self.bytes -= self._values.popitem(last=False)[1][1]
+            if size <= room:
+                self._values[key] = value, size
+                self.bytes += size
+
+    def clear(self) -> None:
+        """Free what is kept."""
+        with self._lock:
+            self._values.clear()
+            self.bytes = 0
+
+
+#: What runs of this process share.
+STORE = Store()
+
+
+def forget() -> None:
+    """Free all that runs of this process have kept."""
+    STORE.clear()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """What the light of a run decided on, besides the values it led to.
+
+    Attributes
+    ----------
+    boxes : Boxes
+        Of its n elements.
+    misplaced : float
+        Share of the reflected light in the wrong place.
+    judged : bool
+        Whether that is known.
+    cell_eps : (n,) array
+        Form factor below which a partly hidden cell is sampled.
+    bright : (n,) bool array
+        Elements told by lines of sight.
+    halved : (c,) int array
+        Elements on which the light was looked at more closely.
+    converged : bool
+        Whether the accuracy asked for was reached.
+    """
+
+    boxes: Boxes
+    misplaced: float
+    judged: bool
+    cell_eps: FloatArray
+    bright: NDArray[np.bool_]
+    halved: IntArray
+    converged: bool
+
+    def still_good(self, misplaced: float, allowed: float) -> bool:
+        """Whether the mesh serves light of which it has the share ``misplaced`` wrong."""
+        return misplaced <= LOOSER * max(allowed, self.misplaced)
+
+    def tolerances(
+        self, boxes: Boxes, cell_eps: FloatArray, bright: NDArray[np.bool_]
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Its own tolerances where they are as good as those asked for, else these."""
+        same = same_boxes(self.boxes, boxes)
+        if (
+            same
+            and (self.cell_eps <= COARSER * cell_eps).all()
+            and not (bright & ~self.bright).any()
+        ):
+            return self.cell_eps, self.bright
+        return cell_eps, bright
+
+
+def same_boxes(one: Boxes, other: Boxes) -> bool:
+    """Whether two meshes have the same elements."""
+    return one is other or (
+        len(one) == len(other)
+        and np.array_equal(one.patch, other.patch)
+        and np.array_equal(one.side, other.side)
+        and np.array_equal(one.ends, other.ends)
+    )
+
+
+class Kept:
+    """What one run takes of the store, and adds to it.
+
+    Parameters
+    ----------
+    scene : SceneData
+        Of the run.
+    stages : Stages
+        Receives counters, and warnings once more.
+    store : Store, optional
+        Without, nothing is kept.
+    """
+
+    def __init__(self, scene: SceneData, *, stages: Stages, store: Store | None = None) -> None:
+        self.scene, self.stages, self.store = scene, stages, store
+        #: How often something of a name was there, or was not.
+        self.hits: dict[str, list[int]] = {}
+        self._base = b""
+        if store is not None:
+            kinds = [(part.path, part.kind) for part in scene.parts]
+            self._base = digest(scene.patches, scene.two_sided, scene.closed, kinds)
+
+    def with_more(self, *of: Any) -> Kept:
+        """The same, of values that depend on ``of`` besides the surfaces."""
+        out = copy.copy(self)
+        out._base = digest(self._base, of) if self.store is not None else b""
+        return out
+
+    def find(self, name: str, of: tuple[Any, ...], make: Callable[[], Value]) -> Value:
+        """What ``make`` returns, which depends on the surfaces and on ``of`` alone.
+
+        Warnings of the run that found it are given again.
+        """
+        if self.store is None:
+            return make()
+        key = digest(self._base, name, of)
+        found = self.store.get(key)
+        self.hits.setdefault(name, [0, 0])[found is None] += 1
+        if found is None:
+            before = len(self.stages.warnings)
+            value = make()
+            self.store.put(key, (value, tuple(self.stages.warnings[before:])))
+            return value
+        self.stages.warnings.extend(found[1])
+        return found[0]  # type: ignore[no-any-return]
+
+    def rows(
+        self,
+        name: str,
+        asked: Ask,
+        more: tuple[Any, ...],
+        make: Callable[[], RowsAndMore],
+        *,
+        sky: bool = True,
+    ) -> RowsAndMore:
+        """Rows as ``make`` returns them, first of what may be more.
+
+        They depend on what is ``asked`` and on ``more``; with ``sky``, on the sky as well.
+        """
+        of = (asked, more, sky_tone(self.scene.sky) if sky and self.scene.sky else None)
+        before = list(self.hits.get(name, (0, 0)))
+        found = self.find(name, of, make)
+        if self.hits.get(name, [0, 0])[0] > before[0]:
+            rows, columns = found[0].factors.shape
+            self.stages.count({"rows_reused": rows, "pairs_reused": rows * columns})
+        return found
+
+    def factors(self, unknowns: Unknowns, rows: Rows, asked: Ask) -> MatrixArray:
+        """Form factors (m, N) of the unknowns by those of the elements."""
+        how = asked.receivers, asked.sources, asked.budget.moments
+        if not isinstance(rows.factors, np.ndarray) or unknowns.basis is None:
+            return unknowns.factors(rows, *how)
+        of = (asked, unknowns.areas, rows.factors)
+        return self.find("factors of nodes", of, lambda: unknowns.factors(rows, *how))
+
+    def tell(self) -> None:
+        """Say among the stages skipped which were as in a run before."""
+        for name in ("form factors", "iterated gather"):
+            if self.hits.get(name, [0, 1])[1] == 0:
+                self.stages.skipped[name] = "as in an earlier run: same surfaces, same mesh"
+
+    def mesh(self, budget: Budget) -> Mesh | None:
+        """The mesh of the last run of the same surfaces and the same accuracy."""
+        if self.store is None:
+            return None
+        found = self.store.get(digest(self._base, "mesh", budget))
+        return found if isinstance(found, Mesh) else None
+
+    def keep_mesh(self, budget: Budget, mesh: Mesh) -> None:
+        """Keep the mesh for later runs."""
+        if self.store is not None:
+            self.store.put(digest(self._base, "mesh", budget), mesh)
+
+
+def digest(*values: Any) -> bytes:
+    """Hash of numbers, names, arrays, and of tuples and dataclasses of them."""
+    sha = hashlib.sha256()
+    for value in values:
+        _feed(sha, value)
+    return sha.digest()
+
+
+def _feed(sha: Any, value: Any) -> None:
+    if isinstance(value, np.ndarray):
+        sha.update(f"{value.dtype.str}{value.shape}".encode())
+        sha.update(np.ascontiguousarray(value).data.cast("B") if value.size else b"")
+    elif isinstance(value, (tuple, list)):
+        sha.update(f"({len(value)}".encode())
+        for item in value:
+            _feed(sha, item)
+    elif dataclasses.is_dataclass(value):
+        sha.update(type(value).__name__.encode())
+        for item in dataclasses.fields(value):
+            _feed(sha, getattr(value, item.name))
+    elif isinstance(value, bytes):
+        sha.update(b"b%d" % len(value) + value)
+    elif value is None or isinstance(value, (str, int, float, np.generic)):
+        sha.update(f"{value!r};".encode())
+    else:
+        raise TypeError(f"{type(value).__name__}: has no hash by content")
+
+
+def nbytes(value: Any) -> int:
+    """Memory that the arrays in tuples and dataclasses take. [B]"""
+    if isinstance(value, np.ndarray):
+        return int(value.nbytes)
+    if isinstance(value, (tuple, list)):
+        return sum(nbytes(item) for item in value)
+    if dataclasses.is_dataclass(value):
+        return sum(nbytes(getattr(value, item.name)) for item in dataclasses.fields(value))
+    return 0
