@@ -74,6 +74,13 @@ def simulate(
     return with_requirements(result, scene) if isinstance(scene, Scene) else result
 
 
+def forget() -> None:
+    """Free all that earlier runs of this process have kept for later ones."""
+    from patchlight.solver.reuse import forget as forget_runs
+
+    forget_runs()
+
+
 def check_effort(accuracy: float | None, threads: int | None) -> None:
     """Raise `InputError` unless accuracy and number of threads can be meant; None is fine."""
     if accuracy is not None and not (math.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):

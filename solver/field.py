@@ -13,6 +13,7 @@ from .exchange import Rows, Scan, make_sources
 from .exchange import products as multiplied
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
+from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .large_rows import find_packed
@@ -158,6 +159,10 @@ class FieldSolver:
         self.mesher = Mesher(
             scene, blockers, trace=trace, stages=stages, tester=tester, kept=self.kept
         )
+        # Where the sky is told exactly, what the meridians see of it does not count.
+        horizon = self._incidence.horizon
+        exact = horizon.is_plain and bool((blockers.flags & PLANAR != 0).all())
+        self._under_sky = None if exact else self._factors.rows
         self.bands, self.webs = self._incidence.bands, self._incidence.webs
         self.lamp_groups = self._incidence.lamp_groups
 
@@ -191,7 +196,9 @@ class FieldSolver:
                     sees_out = self._sees_out(rows, unknowns.areas > 0.0)
                     return rows, sees_out, self._factors.close(rows, 1.0, asked, outside=sees_out)
 
-                rows, sees_out, raw = self.kept.rows("form factors", asked, (), find)
+                rows, sees_out, raw = self.kept.rows(
+                    "form factors", asked, (), find, self._under_sky
+                )
             factors = self.kept.factors(unknowns, rows, asked)
         shares = LampShares.of(rows, surfaces, unknowns)
         light = self._incidence.on(asked, rows, surfaces, unknowns, shares, sees_out=sees_out)
@@ -245,16 +252,16 @@ class FieldSolver:
             self._factors.close(rows, 1.0, asked, outside=field.sees_out)
             return (rows,)
 
-        (rows,) = self.kept.rows("iterated gather", asked, (field.sees_out,), find)
+        (rows,) = self.kept.rows("iterated gather", asked, (field.sees_out,), find, self._under_sky)
         light = self._incidence.on(
             asked, rows, field.surfaces, some, field.lamp_shares, sees_out=field.sees_out
         )
         sent = np.concatenate([*field.sent.values()], axis=1)
-        how = (asked.receivers, field.sources, budget.moments)
-        indirect = np.split(field.unknowns.gather(rows, *how, sent), len(field.sent), axis=1)
+        found = self.kept.gather(field.unknowns, rows, asked, sent)
+        indirect = np.split(found, len(field.sent), axis=1)
         variance = rows.variance_of(luminous(field.exitance_told))
-        found = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
-        return found, rows.sums[:, 0]
+        arriving = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
+        return arriving, rows.sums[:, 0]
 
     def seen(self, grid: Sensors, budget: Budget, field: Field) -> SensorRows:
         """What sensors see, and direct light at the sensors themselves."""
@@ -279,7 +286,7 @@ class FieldSolver:
                     self._factors.close(rows, totals, asked, spread=light.outside_variance)
                 return (rows,)
 
-            (rows,) = self.kept.rows("sensors", asked, (closed,), find, sky=False)
+            (rows,) = self.kept.rows("sensors", asked, (closed,), find)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
         return SensorRows(asked, rows, light)
 
@@ -287,12 +294,8 @@ class FieldSolver:
         """Light at sensors, and by how much (m,) the finer light changed the indirect part. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
-            found = finer.unknowns.gather(
-                seen.rows,
-                asked.receivers,
-                asked.sources,
-                asked.budget.moments,
-                np.concatenate(columns, axis=1),
+            found = self.kept.gather(
+                finer.unknowns, seen.rows, asked, np.concatenate(columns, axis=1)
             )
         *parts, change = np.split(found, len(columns), axis=1)
         indirect = dict(zip(finer.sent, parts, strict=True))

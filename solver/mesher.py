@@ -13,10 +13,10 @@ from .kept_light import KeptLight
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.scene import SceneData
-from .refinement import Refiner
+from .refinement import Looked, Refiner
 from .reuse import Kept, Mesh
 from .stages import Stages
 from .surfaces import reflectances
@@ -114,15 +114,24 @@ class Mesher:
         return self._refiner
 
     @property
-    def judges(self) -> bool:
-        """Whether it is known what the meshes misplace."""
-        return self._refiner is not None
+    def looked(self) -> Looked | None:
+        """Light of the lamps on the last mesh; None where none was looked at."""
+        return None if self._refiner is None else self._refiner.looked
+
+    def lamps(self) -> tuple[IntArray, FloatArray]:
+        """Lamps of the sides (p, 2) of all patches, and exitance of each. [lm/m²]"""
+        levels = np.array([lamp.exitance_lm_m2 for lamp in self.scene.luminaires])
+        return self.scene.luminaire_index, levels
 
     def misplaced_again(self, mesh: Mesh, budget: Budget) -> float:
         """Share of the reflected light in the wrong place on the mesh of a run before this one."""
-        if not mesh.judged or not (self.scene.luminaire_index >= 0).any():
+        index, levels = self.lamps()
+        if mesh.looked is None or not (index >= 0).any():
             return 0.0
-        return self._refine_by(budget).refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
+        refiner = self._refine_by(budget)
+        if all(np.array_equal(a, b) for a, b in zip(mesh.lamps, (index, levels), strict=True)):
+            return refiner.again(mesh.boxes, mesh.looked)
+        return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
 
     def misplaced(self, boxes: Boxes, otherwise: float) -> float:
         """Share of the reflected light in the wrong place on ``boxes``, where that is known."""

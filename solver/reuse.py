@@ -22,11 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .budget import Budget
-from .exchange import Rows
+from .exchange import Rows, products
 from .memory import available_bytes
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.scene import SceneData
+from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
 from .stages import Stages
@@ -41,6 +42,8 @@ SHARE = 0.2
 UNTOLD = 500_000_000
 #: Misplaced light up to which a mesh is taken again, against what it may have.
 LOOSER = 1.5
+#: Where `sky_tone` has the luminance of a sky.
+LEVEL = 6
 #: Cells of partly hidden elements that are this much larger than asked for are fine enough.
 COARSER = 2.0
 
@@ -103,8 +106,10 @@ class Mesh:
         Of its n elements.
     misplaced : float
         Share of the reflected light in the wrong place.
-    judged : bool
-        Whether that is known.
+    looked : Looked or None
+        Light of the lamps on it, where that decided on it.
+    lamps : tuple of (p, 2) int array and array
+        Lamp of each side of the patches, and their exitances. [lm/m²]
     cell_eps : (n,) array
         Form factor below which a partly hidden cell is sampled.
     bright : (n,) bool array
@@ -117,7 +122,8 @@ class Mesh:
 
     boxes: Boxes
     misplaced: float
-    judged: bool
+    looked: Looked | None
+    lamps: tuple[IntArray, FloatArray]
     cell_eps: FloatArray
     bright: NDArray[np.bool_]
     halved: IntArray
@@ -203,28 +209,44 @@ class Kept:
         asked: Ask,
         more: tuple[Any, ...],
         make: Callable[[], RowsAndMore],
-        *,
-        sky: bool = True,
+        sees_sky: Callable[[Ask], Rows] | None = None,
     ) -> RowsAndMore:
         """Rows as ``make`` returns them, first of what may be more.
 
-        They depend on what is ``asked`` and on ``more``; with ``sky``, on the sky as well.
+        They depend on what is ``asked`` and on ``more``. What they see of another sky than that
+        they were found under is found anew by ``sees_sky``, where it matters.
         """
-        of = (asked, more, sky_tone(self.scene.sky) if sky and self.scene.sky else None)
         before = list(self.hits.get(name, (0, 0)))
-        found = self.find(name, of, make)
-        if self.hits.get(name, [0, 0])[0] > before[0]:
+        tone = None if self.scene.sky is None else sky_tone(self.scene.sky)
+        asked_by = (_tolerances(asked.budget), *_of_rows(asked), more)
+        found, known = self.find(name, asked_by, lambda: (make(), tone))
+        there = self.hits.get(name, [0, 0])[0] > before[0]
+        if there:
             rows, columns = found[0].factors.shape
             self.stages.count({"rows_reused": rows, "pairs_reused": rows * columns})
-        return found
+        if there and sees_sky is not None and not np.array_equal(known, tone):
+
+            def look(some: Ask) -> Rows:
+                self.hits[name][1] += 1
+                return sees_sky(some)
+
+            found = under_sky(found[0], known, tone, asked, look), *found[1:]
+        return found  # type: ignore[no-any-return]
 
     def factors(self, unknowns: Unknowns, rows: Rows, asked: Ask) -> MatrixArray:
         """Form factors (m, N) of the unknowns by those of the elements."""
         how = asked.receivers, asked.sources, asked.budget.moments
         if not isinstance(rows.factors, np.ndarray) or unknowns.basis is None:
             return unknowns.factors(rows, *how)
-        of = (asked, unknowns.areas, rows.factors)
+        of = (_tolerances(asked.budget), *_of_rows(asked), unknowns.areas, rows.factors)
         return self.find("factors of nodes", of, lambda: unknowns.factors(rows, *how))
+
+    def gather(self, unknowns: Unknowns, rows: Rows, asked: Ask, light: FloatArray) -> FloatArray:
+        """Light (m, b) that receivers get when the unknowns are ``light`` (N, b)."""
+        if self.store is None:
+            how = asked.receivers, asked.sources, asked.budget.moments
+            return unknowns.gather(rows, *how, light)
+        return products(self.factors(unknowns, rows, asked), light)
 
     def tell(self) -> None:
         """Say among the stages skipped which were as in a run before."""
@@ -236,13 +258,47 @@ class Kept:
         """The mesh of the last run of the same surfaces and the same accuracy."""
         if self.store is None:
             return None
-        found = self.store.get(digest(self._base, "mesh", budget))
+        found = self.store.get(digest(self._base, "mesh", _tolerances(budget)))
         return found if isinstance(found, Mesh) else None
 
     def keep_mesh(self, budget: Budget, mesh: Mesh) -> None:
         """Keep the mesh for later runs."""
         if self.store is not None:
-            self.store.put(digest(self._base, "mesh", budget), mesh)
+            self.store.put(digest(self._base, "mesh", _tolerances(budget)), mesh)
+
+
+def _tolerances(budget: Budget) -> Budget:
+    """The same without the number of sensors: nothing else depends on it."""
+    return dataclasses.replace(budget, receivers=0)
+
+
+def _of_rows(asked: Ask) -> tuple[Any, ...]:
+    return asked.receivers, asked.sources, asked.lifts, asked.share, asked.first
+
+
+def under_sky(
+    rows: Rows,
+    known: FloatArray | None,
+    tone: FloatArray | None,
+    asked: Ask,
+    find: Callable[[Ask], Rows],
+) -> Rows:
+    """The same rows under another sky, given what kernels need of both (10,).
+
+    Of another luminance of the same sky they see as much; of another one the rows that see any are
+    found once more, for its light alone.
+    """
+    outside = rows.outside.copy()
+    seen = np.flatnonzero(outside[:, 1] > 0.0)
+    if tone is None or not len(seen):
+        return dataclasses.replace(rows, outside=outside)
+    if known is not None and np.array_equal(np.delete(known, LEVEL), np.delete(tone, LEVEL)):
+        outside[:, [0, 3]] *= (tone[LEVEL] / known[LEVEL]) ** np.array([1, 2])
+    else:
+        new = find(asked.taken(seen)).outside
+        share = outside[seen, 1] / np.where(new[:, 1] > 0.0, new[:, 1], 1.0)
+        outside[seen, 0], outside[seen, 3] = share * new[:, 0], share**2 * new[:, 3]
+    return dataclasses.replace(rows, outside=outside)
 
 
 def digest(*values: Any) -> bytes:

@@ -45,7 +45,7 @@ def solve(
     visibility: str = "auto",
     progress: Progress | None = None,
     threads: int | None = None,
-    cache: bool = True,
+    cache: bool = False,
 ) -> Result:
     """Solve a frozen scene.
 
@@ -121,11 +121,12 @@ class _Simulation:
         self, scene: SceneData, accuracy: float, visibility: str, stages: Stages, *, cache: bool
     ) -> None:
         self.store = STORE if cache else None
+        self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.budget = Budget.of(scene, accuracy)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
-        if not fits(self.budget.elements, self.largest_grid):
+        if len(STORE) and not fits(self.budget.elements, self.largest_grid):
             forget()  # what is kept may be found again
         check_memory(
             self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
@@ -138,9 +139,7 @@ class _Simulation:
             solids = scene.patches, scene.closed, scene.patches.part_index
             blockers = kept.find("blockers", (), lambda: make_blockers(*solids))
             tester = Containment(scene)
-            placed = (scene.luminaire_index, scene.luminaires, scene.cameras, scene.sensors)
-            found = kept.find("placement", placed, lambda: check_placement(scene, tester))
-            stages.warnings.extend(found)
+            stages.warnings.extend(self._remarks(kept, tester))
         self._say_skipped(blockers)
         trace = "visibility" not in stages.skipped
         kept = kept.with_more(trace)
@@ -153,6 +152,8 @@ class _Simulation:
         images = self._images(field, finer, solver)
         self._warn_dark(sensors, light.luminous())
         stages.warnings.extend(ledger_warning(solved.balance))
+        converged = self._converged(sensors)
+        self._keep_mesh(solver, kept, solved, converged=converged)
         on_elements = solved.error.of(light, finer.shift)
         return Result(
             scene=scene,
@@ -174,7 +175,7 @@ class _Simulation:
                 "bands": solver.bands,
             },
             warnings=tuple(stages.warnings),
-            converged=self._converged(sensors),
+            converged=converged,
         )
 
     def _count(self, field: Field) -> None:
@@ -216,21 +217,37 @@ class _Simulation:
                 break
             boxes, misplaced = finer, solver.mesher.misplaced(finer, misplaced)
             solved = self._on(solver, boxes, misplaced)
-        kept.keep_mesh(self.budget, self._mesh(solver, solved, boxes, misplaced))
+        self._own_mesh = boxes, misplaced
         return solved
 
-    def _mesh(self, solver: FieldSolver, solved: _Solved, boxes: Boxes, misplaced: float) -> Mesh:
-        """What a later run needs to take the same mesh."""
+    def _keep_mesh(
+        self, solver: FieldSolver, kept: Kept, solved: _Solved, *, converged: bool
+    ) -> None:
+        """Keep what a later run needs to take the same mesh."""
+        if self._own_mesh is None:
+            return
+        boxes, misplaced = self._own_mesh
         field = solved.field
-        return Mesh(
+        mesh = Mesh(
             boxes=boxes,
             misplaced=misplaced,
-            judged=solver.mesher.judges,
+            looked=solver.mesher.looked,
+            lamps=solver.mesher.lamps(),
             cell_eps=field.cell_eps,
             bright=field.bright,
             halved=solved.finer.halved,
-            converged=self._converged(solved.sensors),
+            converged=converged,
         )
+        kept.keep_mesh(self.budget, mesh)
+
+    def _remarks(self, kept: Kept, tester: Containment) -> tuple[str, ...]:
+        """What is placed where it makes no sense; if nothing, whatever the lamps' flux."""
+        scene = self.scene
+        lamps = [(lamp.part, lamp.area_m2, lamp.web) for lamp in scene.luminaires]
+        flux = [lamp.flux_lm for lamp in scene.luminaires]
+        at = (scene.luminaire_index, lamps, scene.cameras, scene.sensors)
+        lines, told = kept.find("placement", at, lambda: (check_placement(scene, tester), flux))
+        return lines if not lines or told == flux else check_placement(scene, tester)
 
     def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> _Solved:
         """Light on one mesh, and at the sensors."""
