@@ -20,11 +20,12 @@ from .large_rows import find_packed
 from .memory import is_packed
 from .mesh import Boxes
 from .mesher import Mesher
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
+from .moved import with_rows
 from .radiosity import RadiositySystem
 from .reciprocity import LampShares
 from .reuse import Kept, Mesh
@@ -196,8 +197,21 @@ class FieldSolver:
                     sees_out = self._sees_out(rows, unknowns.areas > 0.0)
                     return rows, sees_out, self._factors.close(rows, 1.0, asked, outside=sees_out)
 
+                def renew(
+                    old: tuple[Rows, bool, FloatArray], at: IntArray
+                ) -> tuple[Rows, bool, FloatArray] | None:
+                    part = asked.taken(at)
+                    new, sees_out = self._factors.rows(part, tell), old[1]
+                    now = with_rows(old[0], new, at)
+                    if self._sees_out(now, unknowns.areas > 0.0) != sees_out:
+                        return None
+                    raw = old[2].copy()
+                    raw[at] = self._factors.close(new, 1.0, part, outside=sees_out)
+                    now.put(at, new)
+                    return now, sees_out, raw
+
                 rows, sees_out, raw = self.kept.rows(
-                    "form factors", asked, (), find, self._under_sky
+                    "form factors", asked, (), find, self._under_sky, renew
                 )
             factors = self.kept.factors(unknowns, rows, asked)
         shares = LampShares.of(rows, surfaces, unknowns)
@@ -252,7 +266,15 @@ class FieldSolver:
             self._factors.close(rows, 1.0, asked, outside=field.sees_out)
             return (rows,)
 
-        (rows,) = self.kept.rows("iterated gather", asked, (field.sees_out,), find, self._under_sky)
+        def renew(old: tuple[Rows], at: IntArray) -> tuple[Rows]:
+            part = asked.taken(at)
+            new = self._factors.rows(part)
+            self._factors.close(new, 1.0, part, outside=field.sees_out)
+            return (with_rows(old[0], new, at),)
+
+        (rows,) = self.kept.rows(
+            "iterated gather", asked, (field.sees_out,), find, self._under_sky, renew
+        )
         light = self._incidence.on(
             asked, rows, field.surfaces, some, field.lamp_shares, sees_out=field.sees_out
         )
@@ -286,7 +308,17 @@ class FieldSolver:
                     self._factors.close(rows, totals, asked, spread=light.outside_variance)
                 return (rows,)
 
-            (rows,) = self.kept.rows("sensors", asked, (closed,), find)
+            def renew(old: tuple[Rows], at: IntArray) -> tuple[Rows]:
+                part = asked.taken(at)
+                new = self._factors.rows(part, tell)
+                if closed:
+                    totals, spread = 1.0 - light.outside[at], light.outside_variance[at]
+                    self._factors.close(new, totals, part, spread=spread)
+                return (with_rows(old[0], new, at),)
+
+            (rows,) = self.kept.rows(
+                "sensors", asked, (closed,), find, renew=renew, which=grid.name
+            )
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
         return SensorRows(asked, rows, light)
 

@@ -156,8 +156,8 @@ def finer_light(
             components[name][some] = arriving.components[name]
             if moved is not None:
                 components[name] += lift(moved)
-        before = sum(lift(field.arriving.components[name]) for name in (direct, indirect))
-        shift += components[direct] + components[indirect] - before
+        told = sum(lift(field.arriving.components[name]) for name in (direct, indirect))
+        shift += components[direct] + components[indirect] - told
     variance = lift(field.arriving.deviation**2)
     variance[some] = arriving.deviation**2
     kept = lift(field.kept)

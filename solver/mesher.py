@@ -129,7 +129,8 @@ class Mesher:
         if mesh.looked is None or not (index >= 0).any():
             return 0.0
         refiner = self._refine_by(budget)
-        if all(np.array_equal(a, b) for a, b in zip(mesh.lamps, (index, levels), strict=True)):
+        known, now = (*mesh.lamps, mesh.nets), (index, levels, self.scene.patches.control_points)
+        if all(np.array_equal(a, b) for a, b in zip(known, now, strict=True)):
             return refiner.again(mesh.boxes, mesh.looked)
         return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
 

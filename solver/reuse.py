@@ -27,6 +27,7 @@ from .memory import available_bytes
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.scene import SceneData
+from .moved import Arrangement
 from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
@@ -35,6 +36,8 @@ from .unknowns import Unknowns
 
 Value = TypeVar("Value")
 RowsAndMore = TypeVar("RowsAndMore", bound=tuple[Any, ...])
+#: Puts rows (k,) found anew into what an earlier run found; None where that does not hold.
+Renew = Callable[[tuple[Any, ...], IntArray], RowsAndMore | None]
 
 #: Share of the memory that would be free without it, which the store may take.
 SHARE = 0.2
@@ -108,6 +111,8 @@ class Mesh:
         Share of the reflected light in the wrong place.
     looked : Looked or None
         Light of the lamps on it, where that decided on it.
+    nets : (p, 4, 4, 4) array
+        Control nets of the patches.
     lamps : tuple of (p, 2) int array and array
         Lamp of each side of the patches, and their exitances. [lm/m²]
     cell_eps : (n,) array
@@ -123,6 +128,7 @@ class Mesh:
     boxes: Boxes
     misplaced: float
     looked: Looked | None
+    nets: FloatArray
     lamps: tuple[IntArray, FloatArray]
     cell_eps: FloatArray
     bright: NDArray[np.bool_]
@@ -174,15 +180,19 @@ class Kept:
         self.scene, self.stages, self.store = scene, stages, store
         #: How often something of a name was there, or was not.
         self.hits: dict[str, list[int]] = {}
-        self._base = b""
+        self._base = self._parts = b""
         if store is not None:
             kinds = [(part.path, part.kind) for part in scene.parts]
-            self._base = digest(scene.patches, scene.two_sided, scene.closed, kinds)
+            self._parts = digest(
+                scene.patches.part_index, scene.two_sided, scene.closed, kinds, len(scene.patches)
+            )
+            self._base = digest(scene.patches, self._parts)
 
     def with_more(self, *of: Any) -> Kept:
         """The same, of values that depend on ``of`` besides the surfaces."""
         out = copy.copy(self)
-        out._base = digest(self._base, of) if self.store is not None else b""
+        if self.store is not None:
+            out._base, out._parts = digest(self._base, of), digest(self._parts, of)
         return out
 
     def find(self, name: str, of: tuple[Any, ...], make: Callable[[], Value]) -> Value:
@@ -210,28 +220,63 @@ class Kept:
         more: tuple[Any, ...],
         make: Callable[[], RowsAndMore],
         sees_sky: Callable[[Ask], Rows] | None = None,
+        renew: Renew[RowsAndMore] | None = None,
+        which: str = "",
     ) -> RowsAndMore:
         """Rows as ``make`` returns them, first of what may be more.
 
         They depend on what is ``asked`` and on ``more``. What they see of another sky than that
-        they were found under is found anew by ``sees_sky``, where it matters.
+        they were found under is found anew by ``sees_sky``, where it matters. With ``renew`` rows
+        of an earlier run that moved parts do not touch are kept, see `moved`; it puts others into
+        what was found. ``which`` tells sets of rows of one name apart.
         """
         before = list(self.hits.get(name, (0, 0)))
-        tone = None if self.scene.sky is None else sky_tone(self.scene.sky)
-        asked_by = (_tolerances(asked.budget), *_of_rows(asked), more)
-        found, known = self.find(name, asked_by, lambda: (make(), tone))
+        sky = self.scene.sky
+        tone = np.empty(0) if sky is None else np.asarray(sky_tone(sky))
+        tolerances = _tolerances(asked.budget)
+        where = digest(self._parts, name, which, tolerances, more)
+        value = self.find(
+            name,
+            (tolerances, *_of_rows(asked), more),
+            lambda: (self._after_moves(where, name, asked, renew) or make(), tone),
+        )
+        found: RowsAndMore = value[0]
         there = self.hits.get(name, [0, 0])[0] > before[0]
         if there:
-            rows, columns = found[0].factors.shape
-            self.stages.count({"rows_reused": rows, "pairs_reused": rows * columns})
-        if there and sees_sky is not None and not np.array_equal(known, tone):
+            self._count(found[0].factors.shape)
+        if there and sees_sky is not None and not np.array_equal(value[1], tone):
+            find = sees_sky
 
             def look(some: Ask) -> Rows:
                 self.hits[name][1] += 1
-                return sees_sky(some)
+                return find(some)
 
-            found = under_sky(found[0], known, tone, asked, look), *found[1:]
-        return found  # type: ignore[no-any-return]
+            out: Any = (under_sky(found[0], value[1], tone, asked, look), *found[1:])
+            found = out
+        if self.store is not None and renew is not None:
+            nets = self.scene.patches.control_points
+            self.store.put(where, Arrangement.of(nets, asked, found, tone))
+        return found
+
+    def _count(self, shape: tuple[int, ...]) -> None:
+        self.stages.count({"rows_reused": shape[0], "pairs_reused": shape[0] * shape[1]})
+
+    def _after_moves(
+        self, where: bytes, name: str, asked: Ask, renew: Renew[RowsAndMore] | None
+    ) -> RowsAndMore | None:
+        """Rows of an earlier run whose parts stood elsewhere, put right; None where all are new."""
+        before = None if renew is None or self.store is None else self.store.get(where)
+        if before is None or renew is None:
+            return None
+        touched = before.touched(self.scene.patches.control_points, asked)
+        if touched is None or touched.all():
+            return None
+        found = renew(before.found, np.flatnonzero(touched))
+        if found is not None:
+            kept = len(touched) - int(touched.sum())
+            self._count((kept, len(before.spheres)))
+            self.stages.figures["rows_kept_after_moves"] = kept
+        return found
 
     def factors(self, unknowns: Unknowns, rows: Rows, asked: Ask) -> MatrixArray:
         """Form factors (m, N) of the unknowns by those of the elements."""
@@ -255,16 +300,16 @@ class Kept:
                 self.stages.skipped[name] = "as in an earlier run: same surfaces, same mesh"
 
     def mesh(self, budget: Budget) -> Mesh | None:
-        """The mesh of the last run of the same surfaces and the same accuracy."""
+        """The mesh of the last run of the same parts, wherever, and the same accuracy."""
         if self.store is None:
             return None
-        found = self.store.get(digest(self._base, "mesh", _tolerances(budget)))
+        found = self.store.get(digest(self._parts, "mesh", _tolerances(budget)))
         return found if isinstance(found, Mesh) else None
 
     def keep_mesh(self, budget: Budget, mesh: Mesh) -> None:
         """Keep the mesh for later runs."""
         if self.store is not None:
-            self.store.put(digest(self._base, "mesh", _tolerances(budget)), mesh)
+            self.store.put(digest(self._parts, "mesh", _tolerances(budget)), mesh)
 
 
 def _tolerances(budget: Budget) -> Budget:
@@ -278,21 +323,21 @@ def _of_rows(asked: Ask) -> tuple[Any, ...]:
 
 def under_sky(
     rows: Rows,
-    known: FloatArray | None,
-    tone: FloatArray | None,
+    known: FloatArray,
+    tone: FloatArray,
     asked: Ask,
     find: Callable[[Ask], Rows],
 ) -> Rows:
-    """The same rows under another sky, given what kernels need of both (10,).
+    """The same rows under another sky, given what kernels need of both (10,), (0,) of none.
 
     Of another luminance of the same sky they see as much; of another one the rows that see any are
     found once more, for its light alone.
     """
     outside = rows.outside.copy()
     seen = np.flatnonzero(outside[:, 1] > 0.0)
-    if tone is None or not len(seen):
+    if not len(tone) or not len(seen):
         return dataclasses.replace(rows, outside=outside)
-    if known is not None and np.array_equal(np.delete(known, LEVEL), np.delete(tone, LEVEL)):
+    if len(known) and np.array_equal(np.delete(known, LEVEL), np.delete(tone, LEVEL)):
         outside[:, [0, 3]] *= (tone[LEVEL] / known[LEVEL]) ** np.array([1, 2])
     else:
         new = find(asked.taken(seen)).outside

@@ -232,6 +232,7 @@ class _Simulation:
             boxes=boxes,
             misplaced=misplaced,
             looked=solver.mesher.looked,
+            nets=self.scene.patches.control_points,
             lamps=solver.mesher.lamps(),
             cell_eps=field.cell_eps,
             bright=field.bright,

@@ -214,3 +214,55 @@ def test_hashes_tell_values_apart():
     assert reuse.digest(np.zeros((2, 2))[:, 0]) == reuse.digest(np.zeros(2))
     with pytest.raises(TypeError, match="object"):
         reuse.digest(object())
+
+
+def two_rooms(at=0.0):
+    """A wall of some thickness between two rooms, and a seat in the second one, moved by ``at``."""
+    rooms = [PatchSet.box((3, 3, 2.5), center=(x, 0, 1.25), inward=True) for x in (-1.6, 1.6)]
+    lamps = [ceiling(x - 0.3, x + 0.3, -0.3, 0.3, 2.4) for x in (-1.6, 1.6)]
+    seat = SEAT.moved((0.9 + at, -1.2, 0.0))
+    parts = setup(*(Body(r) for r in rooms), *lamps, Body(seat))
+    points = [(x + d, y, 0.8) for x in (-1.6, 1.6) for d in (-0.7, 0.1) for y in (-0.8, 0.9)]
+    lit = [(2, "lamp", 3000.0), (3, "lamp", 3000.0)]
+    return scene(parts, lamps=lit, sensors=[grid("plane", points)])
+
+
+def test_rows_that_a_moved_part_does_not_touch_stay():
+    """A wall hides the seat from one half of the scene; its rows are the same to the bit."""
+    first, again, own = run(two_rooms()), run(two_rooms(-0.8)), fresh(two_rooms(-0.8))
+    assert again.settings["mesh_of_earlier_run"]
+    rows = first.counters["unknowns"] + first.counters["unknowns_checked"] + 8
+    assert 0.3 * rows < again.counters["rows_reused"] < 0.7 * rows
+    assert 0 < pairs_found(again) < 0.7 * pairs_found(own)
+    within_error(again, own)
+    # The seat stands in the second room alone, so nothing changes in the first one.
+    before, after = (r.sensors["plane"].illuminance_lx for r in (first, again))
+    assert before[:4] == pytest.approx(after[:4], rel=1e-6)
+    assert not np.allclose(before[4:], after[4:], rtol=1e-6)
+
+
+def test_a_seat_in_between_is_met_and_one_behind_is_not():
+    """A receiver that looks up, what it sees above, and balls beside, between and behind."""
+    from patchlight.solver.kernels.shafts import find_touched
+
+    def touched(ball, *, see=1.0, out=False):
+        found = np.zeros(1, dtype=bool)
+        find_touched(
+            np.zeros((1, 1, 3)),
+            np.array([[[0.0, 0.0, 1.0]]]),
+            np.array([[see]], dtype=np.float32),
+            np.array([[0.0, 0.0, 4.0, 0.5]]),
+            np.array([ball]),
+            np.array([out]),
+            found,
+        )
+        return bool(found[0])
+
+    assert touched([0.0, 0.0, 2.0, 0.1])
+    # The shaft is 0.5 / 4 of its height wide: at 2 it reaches to 0.25, and never below 0.
+    assert touched([0.3, 0.0, 2.0, 0.1]) and not touched([0.5, 0.0, 2.0, 0.1])
+    assert not touched([0.0, 0.0, -0.2, 0.1]) and touched([0.0, 0.0, -0.05, 0.1])
+    assert not touched([0.0, 0.0, 2.0, 0.1], see=0.0)
+    assert touched([3.0, 0.0, 1.0, 0.1], out=True) and not touched([3.0, 0.0, 1.0, 0.1])
+    assert not touched([0.0, 0.0, -1.0, 0.5], out=True)
+    assert not touched([0.0, 0.0, 6.0, 0.5])
