@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exchange import Rows
+from .kernels.nets import PLANAR
+from .kernels.rows import Sources
 from .model.arrays import FloatArray, IntArray
+from .model.bezier import surface_points
 from .row_finder import Ask
 from .surfaces import Receivers
 from .topology import bounding_spheres, writable
@@ -37,6 +40,8 @@ class Arrangement:
         As in `Ask`.
     spheres, cell_eps : (n, 4) and (n,) array
         Of the elements, as in `Sources`.
+    planes : (n, 4) array
+        Of the flat ones among them, as in `kernels.shafts.find_touched`.
     found : tuple
         The rows, and what was told with them.
     tone : (10,) or (0,) array
@@ -48,6 +53,7 @@ class Arrangement:
     lifts: FloatArray | None
     spheres: FloatArray
     cell_eps: FloatArray
+    planes: FloatArray
     found: tuple[object, ...]
     tone: FloatArray
 
@@ -57,7 +63,14 @@ class Arrangement:
     ) -> Arrangement:
         sources = asked.sources
         return cls(
-            nets, asked.receivers, asked.lifts, sources.spheres, sources.cell_eps, found, tone
+            nets=nets,
+            receivers=asked.receivers,
+            lifts=asked.lifts,
+            spheres=sources.spheres,
+            cell_eps=sources.cell_eps,
+            planes=_planes(sources),
+            found=found,
+            tone=tone,
         )
 
     @property
@@ -95,11 +108,25 @@ class Arrangement:
             writable(new.normals),
             rows.factors,
             writable(self.spheres),
+            writable(self.planes),
             writable(balls),
             rows.outside[:, 1] + rows.outside[:, 2] > OUTSIDE,
             touched,
         )
         return touched
+
+
+def _planes(sources: Sources) -> FloatArray:
+    """Normal and offset (n, 4) of flat elements, (0, 0, 0, −∞) of others."""
+    planes = np.zeros((len(sources.nets), 4))
+    planes[:, 3] = -np.inf
+    flat = np.flatnonzero(sources.flags & PLANAR)
+    half = np.array([0.5])
+    at, su, sv = (a[:, 0] for a in surface_points(sources.nets[flat], half, half))
+    normal = np.cross(su, sv)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    planes[flat, :3], planes[flat, 3] = normal, np.einsum("nk,nk->n", normal, at)
+    return planes
 
 
 def with_rows(old: Rows, new: Rows, at: IntArray) -> Rows:

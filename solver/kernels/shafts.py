@@ -6,7 +6,7 @@ from .compiled import kernel
 
 
 @kernel
-def find_touched(nodes, normals, factors, spheres, balls, open_rows, touched):
+def find_touched(nodes, normals, factors, spheres, planes, balls, open_rows, touched):
     """Mark receivers whose sight of anything may pass through a ball.
 
     Parameters
@@ -17,6 +17,9 @@ def find_touched(nodes, normals, factors, spheres, balls, open_rows, touched):
         Form factors: what a receiver sees is what has one above 0.
     spheres : (n, 4) array
         About the elements.
+    planes : (n, 4) array
+        Unit normal and offset of flat elements: nothing behind them is on the way. Others have a
+        normal of 0 and an offset of −∞. [m]
     balls : (b, 4) array
         What matters; those wholly behind a receiver do not.
     open_rows : (m,) bool array
@@ -41,6 +44,11 @@ def find_touched(nodes, normals, factors, spheres, balls, open_rows, touched):
                     break
                 for j in range(spheres.shape[0]):
                     if factors[i, j] <= 0.0:
+                        continue
+                    before = radius - planes[j, 3]
+                    for k in range(3):
+                        before += planes[j, k] * balls[b, k]
+                    if before <= 0.0:
                         continue
                     sx, sy, sz = spheres[j, 0] - x, spheres[j, 1] - y, spheres[j, 2] - z
                     length2 = sx * sx + sy * sy + sz * sz

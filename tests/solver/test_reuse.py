@@ -228,16 +228,19 @@ def two_rooms(at=0.0):
 
 
 def test_rows_that_a_moved_part_does_not_touch_stay():
-    """A wall hides the seat from one half of the scene; its rows are the same to the bit."""
+    """A wall hides the seat from one half of the scene: most of its rows are taken as they were."""
     first, again, own = run(two_rooms()), run(two_rooms(-0.8)), fresh(two_rooms(-0.8))
     assert again.settings["mesh_of_earlier_run"]
     rows = first.counters["unknowns"] + first.counters["unknowns_checked"] + 8
     assert 0.3 * rows < again.counters["rows_reused"] < 0.7 * rows
     assert 0 < pairs_found(again) < 0.7 * pairs_found(own)
     within_error(again, own)
-    # The seat stands in the second room alone, so nothing changes in the first one.
+    # The seat stands in the second room alone, so nothing changes in the first one: to the bit what
+    # sensors see of lamps, and but for rows found anew along other meridians what is reflected.
+    direct = [r.sensors["plane"].components["lamp.direct"][:4] for r in (first, again)]
+    assert np.array_equal(*direct)
     before, after = (r.sensors["plane"].illuminance_lx for r in (first, again))
-    assert before[:4] == pytest.approx(after[:4], rel=1e-6)
+    assert before[:4] == pytest.approx(after[:4], rel=1e-2 * ACCURACY)
     assert not np.allclose(before[4:], after[4:], rtol=1e-6)
 
 
@@ -245,13 +248,14 @@ def test_a_seat_in_between_is_met_and_one_behind_is_not():
     """A receiver that looks up, what it sees above, and balls beside, between and behind."""
     from patchlight.solver.kernels.shafts import find_touched
 
-    def touched(ball, *, see=1.0, out=False):
+    def touched(ball, *, see=1.0, out=False, flat=False):
         found = np.zeros(1, dtype=bool)
         find_touched(
             np.zeros((1, 1, 3)),
             np.array([[[0.0, 0.0, 1.0]]]),
             np.array([[see]], dtype=np.float32),
             np.array([[0.0, 0.0, 4.0, 0.5]]),
+            np.array([[0.0, 0.0, -1.0, -4.0] if flat else [0.0, 0.0, 0.0, -np.inf]]),
             np.array([ball]),
             np.array([out]),
             found,
@@ -266,3 +270,6 @@ def test_a_seat_in_between_is_met_and_one_behind_is_not():
     assert touched([3.0, 0.0, 1.0, 0.1], out=True) and not touched([3.0, 0.0, 1.0, 0.1])
     assert not touched([0.0, 0.0, -1.0, 0.5], out=True)
     assert not touched([0.0, 0.0, 6.0, 0.5])
+    # Just above the element: near enough to its sphere, but behind its plane.
+    assert touched([0.0, 0.0, 4.3, 0.2]) and not touched([0.0, 0.0, 4.3, 0.2], flat=True)
+    assert touched([0.0, 0.0, 3.8, 0.2], flat=True)
