@@ -27,7 +27,7 @@ from .memory import available_bytes
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.scene import SceneData
-from .moved import Arrangement
+from .moved import OUTSIDE, Arrangement
 from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
@@ -334,13 +334,16 @@ def under_sky(
     found once more, for its light alone.
     """
     outside = rows.outside.copy()
-    seen = np.flatnonzero(outside[:, 1] > 0.0)
+    seen = np.flatnonzero(outside[:, 1] > OUTSIDE)
     if not len(tone) or not len(seen):
         return dataclasses.replace(rows, outside=outside)
     if len(known) and np.array_equal(np.delete(known, LEVEL), np.delete(tone, LEVEL)):
         outside[:, [0, 3]] *= (tone[LEVEL] / known[LEVEL]) ** np.array([1, 2])
     else:
         new = find(asked.taken(seen)).outside
+        # Slivers are as bright as what others see.
+        bright = float(new[:, 0].sum()) / max(float(new[:, 1].sum()), 1e-300)
+        outside[:, 0] = bright * outside[:, 1]
         share = outside[seen, 1] / np.where(new[:, 1] > 0.0, new[:, 1], 1.0)
         outside[seen, 0], outside[seen, 3] = share * new[:, 0], share**2 * new[:, 3]
     return dataclasses.replace(rows, outside=outside)
