@@ -40,6 +40,8 @@ ROWS, SHARE = 4096, 1.0
 LEAST = 0.05
 #: Worth of light that is absorbed, which counts in the flux ledger alone, against what is sent on.
 ABSORBED = 0.1
+#: What elements chosen for the present light may be worth, against those of a run before it.
+AS_GOOD = 1.15
 #: Importance of light anywhere for what the sensors get, against the mean of what they see.
 ANYWHERE = 0.3
 
@@ -66,6 +68,8 @@ class Finer:
         Change of the mean illuminance of the elements. [lx]
     residual : (n, 2) array
         Flux of |r| of each element times its importance, parted by how r varies along u and v.
+    halved : (c,) int array
+        Elements that were halved.
     unseen : float
         What was not looked at, against what was: the change is that much larger.
     """
@@ -77,6 +81,7 @@ class Finer:
     change: FloatArray
     shift: FloatArray
     residual: FloatArray
+    halved: IntArray
     unseen: float
 
     @property
@@ -108,7 +113,9 @@ def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
     return np.asarray(weight / np.average(weight, weights=areas) + ANYWHERE)
 
 
-def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
+def finer_light(
+    field: Field, weights: FloatArray, gather: Gather, before: IntArray | None = None
+) -> Finer:
     """The light of ``field`` on halved elements.
 
     Parameters
@@ -119,8 +126,10 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
         Importance of the elements.
     gather : callable
         Light on unknowns, by the field's own, and the sums (k,) of their rows.
+    before : (c,) int array, optional
+        Elements halved in a run before this one: they are again unless others matter more.
     """
-    chosen, unseen = _chosen(field, weights)
+    chosen, unseen = _chosen(field, weights, before)
     if not len(chosen):
         return as_it_is(field)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
@@ -128,8 +137,8 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
     lift = Lift.of(unknowns, fine, chosen)
     some = lift.new.ravel()
     arriving, sums = gather(fine.take(some))
-    before = {name: lift(values) for name, values in field.arriving.components.items()}
-    components = {name: values.copy() for name, values in before.items()}
+    told = {name: lift(values) for name, values in field.arriving.components.items()}
+    components = {name: values.copy() for name, values in told.items()}
     for name, values in arriving.components.items():
         components[name][some] = values
     lifted = {group: lift(values) for group, values in field.sent.items()}
@@ -145,7 +154,7 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
         moved = rest[group] + products(field.system.factors, more)
         components[f"{group}.indirect"] += lift(moved)
     change = np.asarray(sum(sent[group] - lifted[group] for group in sent))
-    shift = np.asarray(sum(components[name] - before[name] for name in components))
+    shift = np.asarray(sum(components[name] - told[name] for name in components))
     variance = lift(field.arriving.deviation**2)
     variance[some] = arriving.deviation**2
     kept = lift(field.kept)
@@ -158,6 +167,7 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
         change=change,
         shift=np.abs(fine.mean(luminous(shift))),
         residual=_residual(luminous(change), fine, lift, chosen) * weights[:, None],
+        halved=chosen,
         unseen=unseen,
     )
 
@@ -167,11 +177,21 @@ def as_it_is(field: Field) -> Finer:
     n = len(field.surfaces.areas)
     nothing, none = np.zeros_like(field.all_sent), np.zeros((n, 2))
     return Finer(
-        field.unknowns, field.arriving, field.sent, field.kept, nothing, np.zeros(n), none, 0.0
+        unknowns=field.unknowns,
+        arriving=field.arriving,
+        sent=field.sent,
+        kept=field.kept,
+        change=nothing,
+        shift=np.zeros(n),
+        residual=none,
+        halved=np.empty(0, dtype=np.int64),
+        unseen=0.0,
     )
 
 
-def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
+def _chosen(
+    field: Field, weights: FloatArray, before: IntArray | None = None
+) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
     sent, arriving = luminous(field.all_sent), field.arriving.luminous()
@@ -187,8 +207,11 @@ def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
     order = np.argsort(-worth, kind="stable")
     order = order[worth[order] > 0.0]
     count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
-    left = float(worth[order[count:]].sum()), float(worth[order[:count]].sum())
-    return np.sort(order[:count]), left[0] / left[1] if left[0] > 0.0 else 0.0
+    chosen, total = np.sort(order[:count]), float(worth.sum())
+    if before is not None and worth[chosen].sum() <= AS_GOOD * worth[before].sum():
+        chosen = before
+    seen = float(worth[chosen].sum())
+    return chosen, (total - seen) / seen if len(chosen) < len(order) else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
