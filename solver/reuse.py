@@ -363,14 +363,6 @@ def _new_mark() -> bytes:
     return b"%d" % next(_MARKS)
 
 
-def make_room(enough: Callable[[], bool]) -> bool:
-    """Whether there is room ``enough``, if need be without what is kept: it may be found again."""
-    if enough() or not len(STORE):
-        return enough()
-    forget()
-    return enough()
-
-
 def tolerances(budget: Budget) -> Budget:
     """The same without the number of sensors: nothing else depends on it."""
     return dataclasses.replace(budget, receivers=0)

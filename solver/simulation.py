@@ -24,7 +24,7 @@ from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .packed import PackedMatrix
 from .placement import check_placement
-from .reuse import STORE, Kept, Mesh, make_room
+from .reuse import STORE, Kept, Mesh, forget
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
@@ -131,7 +131,8 @@ class _Simulation:
         self.budget = Budget.of(scene, accuracy)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
-        if not make_room(self._is_roomy):
+        if len(STORE) and not self._is_roomy():
+            forget()  # what is kept may be found again
             self.budget = Budget.of(scene, accuracy)
         check_memory(
             self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
@@ -239,6 +240,13 @@ class _Simulation:
         return solved
 
     def _fits(self, elements: int) -> bool:
+        enough = self._has_room(elements)
+        if not enough and len(STORE):
+            forget()
+            enough = self._has_room(elements)
+        return enough
+
+    def _has_room(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
         if varying and not has_room(VARYING_BYTES * elements**2):
             return False
