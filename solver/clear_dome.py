@@ -6,7 +6,7 @@ through panes. Where panes fill their openings that rest would be the noise of b
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import replace
 
 import numpy as np
 
@@ -99,6 +99,14 @@ def _seen(light: DomeLight) -> DomeLight:
     Panes fill their openings: cells along the edges are sampled, but no point of them is ever seen.
     """
     some = light.factor > ROUNDING
-    return DomeLight(
-        *(np.where(some, getattr(light, f.name), 0.0) for f in fields(light)[:4]), light.counters
+
+    def only(values: FloatArray) -> FloatArray:
+        return np.where(some, values, 0.0)
+
+    return replace(
+        light,
+        illuminance=only(light.illuminance),
+        deviation=only(light.deviation),
+        factor=only(light.factor),
+        factor_variance=only(light.factor_variance),
     )
