@@ -40,7 +40,7 @@ def boxes_of(made, accuracy, **changes):
     budget = dataclasses.replace(Budget.of(made, accuracy), **changes)
     solids = setup(*(Body(made.patches.take(made.patches.part_index == k)) for k in range(2)))
     assert len(solids.patches) == len(parts.patches)
-    return Mesher(made, solids.blockers, trace=True, stages=Stages()).boxes(budget)
+    return Mesher(made, solids.blockers, trace=True, stages=Stages()).boxes(budget)[0]
 
 
 class Light:
@@ -284,7 +284,7 @@ def test_many_lamps_are_not_looked_at_one_by_one(monkeypatch):
 
     def boxes(budget: Budget) -> tuple[int, dict[str, str]]:
         stages = Stages()
-        found = Mesher(made, blockers, trace=False, stages=stages).boxes(budget)
+        found, _ = Mesher(made, blockers, trace=False, stages=stages).boxes(budget)
         return len(found), stages.skipped
 
     count, skipped = boxes(few)
