@@ -190,12 +190,16 @@ def far_wall(points: FloatArray, normals: FloatArray) -> FloatArray:
 
 def _cie_obstruction() -> Case:
     lit = Rectangle((0.0, 4.0, 0.0), (4.0, 0.0, 0.0), (0.0, 0.0, 3.0))
-    floor = slice(0, 11)  # the last three points lie under the box or behind it
+    x, z = (g.ravel() for g in np.meshgrid([0.3, 1.1, 2.0, 3.2], 0.05 + 0.1 * np.arange(30)))
+    wall = np.column_stack([x, np.zeros(len(x)), z])
+    x, y = (g.ravel() for g in np.meshgrid([0.3, 1.1, 2.0, 3.2], 0.05 + 0.1 * np.arange(15)))
+    points = np.concatenate([wall, np.column_stack([x, y, np.zeros(len(x))])])
+    normals = np.repeat([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], (len(wall), len(x)), axis=0)
     return _case(
         "CIE_5.7",
         (Body(lit, radiance=1.0), *box((4, 0.2, 1), center=(2, 2.6, 0.5), solid=0)),
-        CIE_POINTS[floor],
-        CIE_NORMALS[floor],
+        points,
+        normals,
         far_wall,
     )
 
