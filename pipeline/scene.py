@@ -147,6 +147,8 @@ class Scene:
         self.colors = colors
         self.title: str | None = None
         self.accuracy = 0.01
+        #: How it is solved: "default" or "nn93".
+        self.method = "default"
         self.entries: dict[str, Entry] = {}
         self.grids: dict[str, SensorGrid | Sensors] = {}
         self.cameras: dict[str, Camera] = {}

@@ -368,6 +368,8 @@ class SceneFile(Table):
     title: Text | None = None
     accuracy: Annotated[Number, Field(ge=1e-6, le=0.5)] = 0.01
     """Relative error of sensor illuminance aimed at."""
+    method: Literal["default", "nn93"] = "default"
+    """nn93: as Nishita and Nakamae published it in 1993, for comparison."""
     maintenance_factor: Annotated[Number, Field(gt=0, le=1)] = 1.0
     """Factor on electric light; daylight has none."""
     colors: Literal["pictures", "reflectance"] = COLORS[0]  # type: ignore[assignment]

@@ -20,6 +20,7 @@ def simulate(
     *,
     accuracy: float | None = None,
     visibility: str = "auto",
+    method: str | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Result:
@@ -34,6 +35,9 @@ def simulate(
         grid's mean; every tolerance follows from it. 0.01, or what the scene file says.
     visibility : str
         How hiding is computed; see `patchlight.solver.simulation.solve`.
+    method : {"default", "nn93"}, optional
+        ``"nn93"`` is the method of Nishita and Nakamae 1993 as published, for comparison. What the
+        scene file says, else the default.
     progress : callable, optional
         Called as ``progress(stage, done, total)``.
     threads : int, optional
@@ -51,6 +55,8 @@ def simulate(
     """
     if accuracy is None:
         accuracy = scene.accuracy if isinstance(scene, Scene) else 0.01
+    if method is None:
+        method = scene.method if isinstance(scene, Scene) else "default"
     check_effort(accuracy, threads)
     announce_kernels(progress)
     data = scene.freeze() if isinstance(scene, Scene) else scene
@@ -61,6 +67,7 @@ def simulate(
         data,
         accuracy=accuracy,
         visibility=visibility,
+        method=method,
         progress=progress,
         threads=threads,
     )

@@ -33,7 +33,7 @@ MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
 USUALLY_MORE = 0.2
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
-NODES = {"constant": 2, "bilinear": 2, "biquadratic": 3}
+NODES = {"constant": 2, "bilinear": 2, "biquadratic": 3, "corners": 2}
 
 #: Wall-clock time on two cores: half of the CPU time of each stage of the demo office (accuracy 0.3
 #: to 0.02) and of a room with one lamp (0.02 and 0.005), the larger per unit of both scenes. [s]
@@ -71,7 +71,8 @@ class Budget:
     distance : float
         Distance between surfaces to which places are compared. [m]
     basis : str
-        How exitance varies over an element: "constant", "bilinear" or "biquadratic".
+        How exitance varies over an element: "constant", "bilinear" or "biquadratic", or bilinearly
+        between its "corners".
     nodes : int
         Nodes a direction in each element.
     moments : float
@@ -136,6 +137,8 @@ class Budget:
         size = 0.25 * middle * (accuracy / 0.02) ** (1.0 / 3.0)
         if basis == "constant":
             size = 0.09 * middle * math.sqrt(accuracy / 0.01)
+        elif basis == "corners":
+            size = 0.18 * middle * math.sqrt(accuracy / 0.01)
         size = min(max(size, middle / 24.0), 0.6 * middle)
         return cls._with_size(scene, accuracy, size, accuracy, middle, basis)
 
@@ -163,7 +166,10 @@ class Budget:
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
         large = total > MANY_ELEMENTS
-        if total > VARYING_ELEMENTS or not has_room(VARYING_BYTES * int((1.0 + MORE) * total) ** 2):
+        varying = int((1.0 + MORE) * total)
+        if basis != "corners" and (
+            total > VARYING_ELEMENTS or not has_room(VARYING_BYTES * varying**2)
+        ):
             basis = "constant"
         nodes = NODES[basis]
         cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())

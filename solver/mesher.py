@@ -13,7 +13,7 @@ from .horizon_lines import with_lines
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.scene import SceneData
 from .profile_mesh import with_profiles
@@ -65,12 +65,14 @@ class Mesher:
         scene = self.scene
         small = (budget.small * budget.size) ** 2
         elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
-        low, high = scene.patches.bounds()
-        distance = CONTACT * float(np.linalg.norm(high - low))
-        buried = self._containment.buried(
-            elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3), distance
-        )
+        buried = self.buried(elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3))
         return replace(elements, buried=buried.reshape(elements.weights.shape))
+
+    def buried(self, points: FloatArray, normals: FloatArray) -> IntArray:
+        """Whether points (m, 3) of surfaces are covered, (m,) bool."""
+        low, high = self.scene.patches.bounds()
+        distance = CONTACT * float(np.linalg.norm(high - low))
+        return self._containment.buried(points, normals, distance)
 
     def boxes(self, budget: Budget) -> tuple[Boxes, float]:
         """Boxes of the size that ``budget`` asks for, or smaller.

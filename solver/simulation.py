@@ -31,6 +31,8 @@ from .topology import is_single, make_blockers
 
 #: How often the mesh is cut further where the accuracy asked for is not reached.
 REFINEMENTS = 3
+#: Ways to solve a scene.
+METHODS = ("default", "nn93")
 
 
 def estimate_seconds(scene: SceneData, accuracy: float = 0.01) -> float:
@@ -43,6 +45,7 @@ def solve(
     *,
     accuracy: float = 0.01,
     visibility: str = "auto",
+    method: str = "default",
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Result:
@@ -57,6 +60,9 @@ def solve(
     visibility : {"auto", "none"}
         ``"auto"`` traces pyramids, and meridians for weak pairs; ``"none"`` lets light through
         everything, for comparison.
+    method : {"default", "nn93"}
+        ``"nn93"`` is the method of Nishita and Nakamae 1993 as published, for comparison: see
+        `nn93_simulation`.
     progress : callable, optional
         Called as ``progress(stage, done, total)``.
     threads : int, optional
@@ -82,13 +88,20 @@ def solve(
         raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
     if visibility not in ("auto", "none"):
         raise InputError(f"visibility = {visibility!r}: auto or none")
+    if method not in METHODS:
+        raise InputError(f"method = {method!r}: {' or '.join(METHODS)}")
     if len(scene.patches) == 0:
         raise GeometryError("the scene has no surfaces")
     if scene.opaque_count == 0:
         raise GeometryError("the scene has no surfaces but panes of glass")
     previous = None if threads is None else _set_threads(threads)
     try:
-        return _Simulation(scene, accuracy, visibility, Stages(progress)).run()
+        kind = Simulation
+        if method == "nn93":
+            from .nn93_simulation import Nn93Simulation
+
+            kind = Nn93Simulation
+        return kind(scene, accuracy, visibility, Stages(progress)).run()
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -101,7 +114,7 @@ def _set_threads(threads: int) -> int:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Solved:
+class Solved:
     """A mesh, what was found on it, and the sensors with and without the error of the mesh."""
 
     field: Field
@@ -112,14 +125,17 @@ class _Solved:
     without_mesh: dict[str, SensorResult]
 
 
-class _Simulation:
+class Simulation:
     """One run; each method is a stage."""
+
+    #: How the scene is solved, and how light varies over elements.
+    method, basis = "default", "bilinear"
 
     def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
         self.scene, self.stages, self.visibility = scene, stages, visibility
-        self.budget = Budget.of(scene, accuracy)
+        self.budget = Budget.of(scene, accuracy, self.basis)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
         check_memory(
@@ -167,6 +183,7 @@ class _Simulation:
                 **self.budget.settings,
                 **stages.figures,
                 "visibility": self.visibility,
+                "method": self.method,
                 "bands": solver.bands,
             },
             warnings=tuple(stages.warnings),
@@ -180,7 +197,7 @@ class _Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(self, solver: FieldSolver) -> _Solved:
+    def _solved(self, solver: FieldSolver) -> Solved:
         """Light on the mesh of the budget, cut further where its error is too large."""
         boxes, misplaced = solver.mesher.boxes(self.budget)
         solved = self._on(solver, boxes, misplaced)
@@ -206,7 +223,7 @@ class _Simulation:
             return False
         return fits(elements, self.largest_grid)
 
-    def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> _Solved:
+    def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> Solved:
         """Light on one mesh, and at the sensors."""
         budget = self.budget
         field = solver.solve(budget, boxes, misplaced)
@@ -229,7 +246,7 @@ class _Simulation:
             gathered, change = solver.gather(grid, seen[k], field, finer)
             sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, change))
             without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
-        return _Solved(field, finer, balance, error, sensors, without_mesh)
+        return Solved(field, finer, balance, error, sensors, without_mesh)
 
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]
