@@ -96,6 +96,7 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
         data,
         accuracy=accuracy,
         method=scene.method if options.method is None else options.method,
+        balanced_mesh=scene.balanced_mesh,
         progress=talk.progress,
         threads=options.threads,
     )

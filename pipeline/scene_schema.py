@@ -370,6 +370,8 @@ class SceneFile(Table):
     """Relative error of sensor illuminance aimed at."""
     method: Literal["default", "nn93"] = "default"
     """nn93: as Nishita and Nakamae published it in 1993, for comparison."""
+    balanced_mesh: StrictBool = False
+    """Whether elements are cut until no edge of one has more than two neighbours."""
     maintenance_factor: Annotated[Number, Field(gt=0, le=1)] = 1.0
     """Factor on electric light; daylight has none."""
     colors: Literal["pictures", "reflectance"] = COLORS[0]  # type: ignore[assignment]

@@ -21,6 +21,7 @@ def simulate(
     accuracy: float | None = None,
     visibility: str = "auto",
     method: str | None = None,
+    balanced_mesh: bool | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Result:
@@ -38,6 +39,9 @@ def simulate(
     method : {"default", "nn93"}, optional
         ``"nn93"`` is the method of Nishita and Nakamae 1993 as published, for comparison. What the
         scene file says, else the default.
+    balanced_mesh : bool, optional
+        Whether elements are cut until no edge of one has more than two neighbours, for those who
+        use the mesh on; no value gets better by it. What the scene file says, else not.
     progress : callable, optional
         Called as ``progress(stage, done, total)``.
     threads : int, optional
@@ -57,6 +61,8 @@ def simulate(
         accuracy = scene.accuracy if isinstance(scene, Scene) else 0.01
     if method is None:
         method = scene.method if isinstance(scene, Scene) else "default"
+    if balanced_mesh is None:
+        balanced_mesh = scene.balanced_mesh if isinstance(scene, Scene) else False
     check_effort(accuracy, threads)
     announce_kernels(progress)
     data = scene.freeze() if isinstance(scene, Scene) else scene
@@ -68,6 +74,7 @@ def simulate(
         accuracy=accuracy,
         visibility=visibility,
         method=method,
+        balanced_mesh=balanced_mesh,
         progress=progress,
         threads=threads,
     )

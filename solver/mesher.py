@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .balance import Seam, balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
 from .direct_light import DirectLight
@@ -59,6 +60,9 @@ class Mesher:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self._containment = Containment(scene) if tester is None else tester
         self._refiner: Refiner | None = None
+        #: Whether neighbours are to differ by one cut at most; see `balance`.
+        self.balance = False
+        self._seams: list[Seam] | None = None
 
     def elements(self, budget: Budget, boxes: Boxes) -> Elements:
         """Elements over ``boxes``."""
@@ -79,6 +83,11 @@ class Mesher:
 
         Also the share of the reflected light that elements over them have in the wrong place.
         """
+        boxes, misplaced = self._cut_where_light_changes(budget)
+        return self.balanced(boxes, budget), misplaced
+
+    def _cut_where_light_changes(self, budget: Budget) -> tuple[Boxes, float]:
+        """The same, without regard to their neighbours."""
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
         if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
@@ -109,6 +118,18 @@ class Mesher:
         self.stages.count({"elements_added": len(cut) - len(boxes)})
         return cut, misplaced
 
+    def balanced(self, boxes: Boxes, budget: Budget) -> Boxes:
+        """Boxes of which no edge has more than two neighbours, where that is asked for."""
+        if not self.balance:
+            self.stages.skipped["balance of the mesh"] = "not asked for"
+            return boxes
+        if self._seams is None:
+            self._seams = smooth_seams(self.blockers)
+        even = balanced(boxes, self._seams, budget.elements_at_most)
+        if len(even) > len(boxes):
+            self.stages.count({"elements_added_for_balance": len(even) - len(boxes)})
+        return even
+
     def misplaced(self, boxes: Boxes, otherwise: float) -> float:
         """Share of the reflected light in the wrong place on ``boxes``, where that is known."""
         if self._refiner is None:
@@ -129,4 +150,4 @@ class Mesher:
         chosen = np.sort(order[:count])
         halves = boxes.take(chosen).halved(np.argmax(wrong[chosen], axis=1))
         kept = np.setdiff1d(np.arange(len(boxes)), chosen)
-        return boxes.take(kept).joined(halves)[0]
+        return self.balanced(boxes.take(kept).joined(halves)[0], budget)

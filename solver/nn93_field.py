@@ -148,7 +148,7 @@ class CornerSolver:
             surfaces = Surfaces.of(self.scene, elements, base.bands)
         if adapt and base.lamp_groups:
             with self.stages.run("elements"):
-                finer = self._quartered(boxes, surfaces)
+                finer = base.mesher.balanced(self._quartered(boxes, surfaces), self.budget)
                 self.stages.count({"elements_added": len(finer) - len(boxes)})
                 elements = base.mesher.elements(self.budget, finer)
                 surfaces = Surfaces.of(self.scene, elements, base.bands)

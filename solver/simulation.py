@@ -46,6 +46,7 @@ def solve(
     accuracy: float = 0.01,
     visibility: str = "auto",
     method: str = "default",
+    balanced_mesh: bool = False,
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Result:
@@ -63,6 +64,9 @@ def solve(
     method : {"default", "nn93"}
         ``"nn93"`` is the method of Nishita and Nakamae 1993 as published, for comparison: see
         `nn93_simulation`.
+    balanced_mesh : bool
+        Whether the mesh is cut further until no edge of an element has more than two neighbours.
+        No value gets better by that; see `balance`.
     progress : callable, optional
         Called as ``progress(stage, done, total)``.
     threads : int, optional
@@ -101,7 +105,9 @@ def solve(
             from .nn93_simulation import Nn93Simulation
 
             kind = Nn93Simulation
-        return kind(scene, accuracy, visibility, Stages(progress)).run()
+        run = kind(scene, accuracy, visibility, Stages(progress))
+        run.balanced_mesh = balanced_mesh
+        return run.run()
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -130,6 +136,8 @@ class Simulation:
 
     #: How the scene is solved, and how light varies over elements.
     method, basis = "default", "bilinear"
+    #: Whether neighbours in the mesh are to differ by one cut at most.
+    balanced_mesh = False
 
     def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
         if visibility == "none":
@@ -158,6 +166,7 @@ class Simulation:
                 )
         trace = "visibility" not in stages.skipped
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester)
+        solver.mesher.balance = self.balanced_mesh
         solved = self._solved(solver)
         field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
@@ -184,6 +193,7 @@ class Simulation:
                 **stages.figures,
                 "visibility": self.visibility,
                 "method": self.method,
+                "balanced_mesh": self.balanced_mesh,
                 "bands": solver.bands,
             },
             warnings=tuple(stages.warnings),

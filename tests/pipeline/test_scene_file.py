@@ -21,6 +21,7 @@ schema_version = 1
 title = "Büro"
 accuracy = 0.02
 method = "nn93"
+balanced_mesh = true
 maintenance_factor = 0.8
 [site]
 latitude_deg = 50.1
@@ -76,7 +77,7 @@ def test_everything_a_scene_file_can_say(folder):
     scene = load_scene(write(folder, FULL))
     data = scene.freeze()
     assert (data.title, scene.accuracy, data.maintenance_factor) == ("Büro", 0.02, 0.8)
-    assert scene.method == "nn93"
+    assert scene.method == "nn93" and scene.balanced_mesh
     assert data.site == Site(50.1, 8.7, timezone="Europe/Berlin")
     # The sky takes the position of the sun.
     assert data.sky == CIESky(
