@@ -92,10 +92,13 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
     size = f"{len(data.patches)} patches of {len(data.faces)} faces, accuracy {accuracy:g}"
     announce = talk.note if seconds > LONG_SECONDS else talk.detail
     announce(f"{size}: expected to take about {_duration(seconds)}")
+    method = scene.method if options.method is None else options.method
+    basis = scene.basis if method == "default" else None
     result = simulate(
         data,
         accuracy=accuracy,
-        method=scene.method if options.method is None else options.method,
+        method=method,
+        basis=basis,
         balanced_mesh=scene.balanced_mesh,
         progress=talk.progress,
         threads=options.threads,

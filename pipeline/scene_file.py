@@ -224,7 +224,7 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
     )
     scene.title = file.title or path.stem
     scene.accuracy, scene.method = file.accuracy, file.method
-    scene.balanced_mesh = file.balanced_mesh
+    scene.basis, scene.balanced_mesh = file.basis, file.balanced_mesh
     problems = Problems(str(path))
     for k, table in enumerate(file.model):
         with problems.under(f"model[{k}].file"):

@@ -370,6 +370,8 @@ class SceneFile(Table):
     """Relative error of sensor illuminance aimed at."""
     method: Literal["default", "nn93"] = "default"
     """nn93: as Nishita and Nakamae published it in 1993, for comparison."""
+    basis: Literal["constant", "bilinear", "biquadratic"] | None = None
+    """How reflected light varies over elements; bilinear where there are not too many of them."""
     balanced_mesh: StrictBool = False
     """Whether elements are cut until no edge of one has more than two neighbours."""
     maintenance_factor: Annotated[Number, Field(gt=0, le=1)] = 1.0

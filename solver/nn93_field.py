@@ -223,7 +223,7 @@ class CornerSolver:
         """Exitance (n, 4, b) that a light group emits at the corners of nets. [lm/m²]"""
         own = surfaces.emitted_by(self.scene, group).any(axis=1)
         corners = np.where(own[:, None, None], surfaces.diffuse_at_corners, 0.0)
-        turned = surfaces.elements.side == 1
+        turned = np.flatnonzero(surfaces.elements.side == 1)
         corners[turned] = corners[turned][:, (1, 0, 3, 2)]
         return corners
 

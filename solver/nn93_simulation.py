@@ -28,7 +28,16 @@ class Nn93Simulation(Simulation):
 
     method, basis = "nn93", "corners"
 
-    def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
+    def __init__(
+        self,
+        scene: SceneData,
+        accuracy: float,
+        visibility: str,
+        stages: Stages,
+        basis: str | None = None,
+    ) -> None:
+        if basis is not None:
+            raise InputError(f"basis = {basis!r}: not used together with method = 'nn93'")
         without = (
             (bool(scene.glazings), "glass"),
             (any(m.mirror_bands.any() for m in scene.materials), "mirrors"),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import VARYING_ELEMENTS, Budget
+from .budget import BASES, Budget, most_varying
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -15,7 +15,7 @@ from .incident import Gathered
 from .iterated import ROWS, Finer, as_it_is
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
-from .memory import PAIR_BYTES, VARYING_BYTES, check_memory, fits, has_room
+from .memory import PAIR_BYTES, check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError
 from .mesh_sample import sampled_misplaced
@@ -46,6 +46,7 @@ def solve(
     accuracy: float = 0.01,
     visibility: str = "auto",
     method: str = "default",
+    basis: str | None = None,
     balanced_mesh: bool = False,
     progress: Progress | None = None,
     threads: int | None = None,
@@ -64,6 +65,9 @@ def solve(
     method : {"default", "nn93"}
         ``"nn93"`` is the method of Nishita and Nakamae 1993 as published, for comparison: see
         `nn93_simulation`.
+    basis : {"bilinear", "biquadratic", "constant"}, optional
+        How reflected light varies over elements, where there are not too many of them; bilinearly
+        when not given. ``"biquadratic"`` is for much accuracy close to edges.
     balanced_mesh : bool
         Whether the mesh is cut further until no edge of an element has more than two neighbours.
         No value gets better by that; see `balance`.
@@ -94,6 +98,8 @@ def solve(
         raise InputError(f"visibility = {visibility!r}: auto or none")
     if method not in METHODS:
         raise InputError(f"method = {method!r}: {' or '.join(METHODS)}")
+    if basis is not None and basis not in BASES:
+        raise InputError(f"basis = {basis!r}: {', '.join(BASES)}")
     if len(scene.patches) == 0:
         raise GeometryError("the scene has no surfaces")
     if scene.opaque_count == 0:
@@ -105,7 +111,7 @@ def solve(
             from .nn93_simulation import Nn93Simulation
 
             kind = Nn93Simulation
-        run = kind(scene, accuracy, visibility, Stages(progress))
+        run = kind(scene, accuracy, visibility, Stages(progress), basis)
         run.balanced_mesh = balanced_mesh
         return run.run()
     finally:
@@ -139,10 +145,18 @@ class Simulation:
     #: Whether neighbours in the mesh are to differ by one cut at most.
     balanced_mesh = False
 
-    def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
+    def __init__(
+        self,
+        scene: SceneData,
+        accuracy: float,
+        visibility: str,
+        stages: Stages,
+        basis: str | None = None,
+    ) -> None:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
         self.scene, self.stages, self.visibility = scene, stages, visibility
+        self.basis = self.basis if basis is None else basis
         self.budget = Budget.of(scene, accuracy, self.basis)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
@@ -158,12 +172,12 @@ class Simulation:
             tester = Containment(scene)
             stages.warnings.extend(check_placement(scene, tester))
         self._say_skipped(blockers)
-        if self.budget.basis == "constant" and self.budget.elements <= VARYING_ELEMENTS:
-            if not scene.glazings:
-                stages.warnings.append(
-                    "exitance is taken for constant on every element: the memory that is free does "
-                    f"not hold more for {self.budget.elements} elements"
-                )
+        told, elements = self.budget.basis, self.budget.elements
+        if told != self.basis and elements <= most_varying(self.basis) and not scene.glazings:
+            stages.warnings.append(
+                f"exitance is taken for {told} on every element: the memory that is free does not "
+                f"hold more for {elements} elements"
+            )
         trace = "visibility" not in stages.skipped
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester)
         solver.mesher.balance = self.balanced_mesh
@@ -229,7 +243,7 @@ class Simulation:
 
     def _fits(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
-        if varying and not has_room(VARYING_BYTES * elements**2):
+        if varying and not has_room(varying_bytes(self.budget.basis) * elements**2):
             return False
         return fits(elements, self.largest_grid)
 

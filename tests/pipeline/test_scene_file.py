@@ -21,6 +21,7 @@ schema_version = 1
 title = "Büro"
 accuracy = 0.02
 method = "nn93"
+basis = "biquadratic"
 balanced_mesh = true
 maintenance_factor = 0.8
 [site]
@@ -78,6 +79,7 @@ def test_everything_a_scene_file_can_say(folder):
     data = scene.freeze()
     assert (data.title, scene.accuracy, data.maintenance_factor) == ("Büro", 0.02, 0.8)
     assert scene.method == "nn93" and scene.balanced_mesh
+    assert scene.basis == "biquadratic"
     assert data.site == Site(50.1, 8.7, timezone="Europe/Berlin")
     # The sky takes the position of the sun.
     assert data.sky == CIESky(
