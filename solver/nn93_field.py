@@ -222,10 +222,9 @@ class CornerSolver:
     def _emitted(self, surfaces: Surfaces, group: str) -> FloatArray:
         """Exitance (n, 4, b) that a light group emits at the corners of nets. [lm/m²]"""
         own = surfaces.emitted_by(self.scene, group).any(axis=1)
-        corners = np.where(own[:, None, None], surfaces.diffuse_at_corners, 0.0)
-        turned = np.flatnonzero(surfaces.elements.side == 1)
-        corners[turned] = corners[turned][:, (1, 0, 3, 2)]
-        return corners
+        corners = own[:, None, None] * surfaces.diffuse_at_corners
+        turned = surfaces.elements.side[:, None, None] == 1
+        return np.where(turned, corners[:, [1, 0, 3, 2]], corners)
 
     def _quartered(self, boxes: Boxes, surfaces: Surfaces) -> Boxes:
         """``boxes`` quartered where lamps' light differs at the corners [1, section 6]."""
