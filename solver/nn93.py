@@ -54,9 +54,9 @@ def nn93_form_factors(
             writable(sources.control_points),
             place,
             writable(nets),
+            np.full(len(nets), visibility != "none"),
             max(math.sqrt(accuracy), 1e-3),
             0.0,
-            visibility != "none",
             shares,
             bounds,
         )

@@ -16,15 +16,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .budget import Budget
 from .exchange import Rows, make_sources
 from .exchange import products as multiplied
 from .field import Field, FieldSolver
 from .incident import Gathered, Light
+from .kernels.nets import PLANAR
+from .kernels.pyramid import Blockers
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.result import luminous
+from .model.scene import SceneData
 from .model.views import Sensors
 from .radiosity import RadiositySystem
 from .surfaces import Receivers, Surfaces
@@ -132,6 +136,7 @@ class CornerSolver:
         # A corner has its place, however small the element.
         self.budget = replace(budget, small=0.0)
         self._nets = writable(base.blockers.nets)
+        self._hiding = hiding(self.scene, base.blockers) & base.trace
 
     def boxes(self) -> tuple[Boxes, Boxes]:
         """A mesh, and one with twice its size; see `_quartered`."""
@@ -211,9 +216,9 @@ class CornerSolver:
             writable(elements.nets),
             writable(elements.patch_index, np.int64),
             self._nets,
+            self._hiding,
             max(math.sqrt(accuracy), 1e-3),
             LEAST * accuracy,
-            self.base.trace,
             shares,
             np.zeros(shares.shape[:2]),
         )
@@ -221,7 +226,7 @@ class CornerSolver:
 
     def _emitted(self, surfaces: Surfaces, group: str) -> FloatArray:
         """Exitance (n, 4, b) that a light group emits at the corners of nets. [lm/m²]"""
-        own = surfaces.emitted_by(self.scene, group).any(axis=1)
+        own = np.asarray(surfaces.emitted_by(self.scene, group).any(axis=1))
         corners = own[:, None, None] * surfaces.diffuse_at_corners
         turned = surfaces.elements.side[:, None, None] == 1
         return np.where(turned, corners[:, [1, 0, 3, 2]], corners)
@@ -302,3 +307,18 @@ class CornerSolver:
         """Form factors of the elements, for the second pass."""
         m, n = seen.elements.shape
         return Rows(seen.elements, np.zeros((m, n), np.float32), {}, np.zeros((m, 5)))
+
+
+def hiding(scene: SceneData, blockers: Blockers) -> NDArray[np.bool_]:
+    """Which patches (p,) may hide anything: not the flat walls of a convex room that holds all."""
+    out = np.ones(len(blockers.nets), dtype=bool)
+    points = (blockers.nets[..., :3] / blockers.nets[..., 3:]).reshape(-1, 3)
+    every = np.concatenate([points, *(grid.points for grid in scene.sensors)])
+    level = 1e-9 * float(np.abs(points).max())
+    for solid in np.flatnonzero(blockers.hollow):
+        own = np.flatnonzero(blockers.solid == solid)
+        axes = blockers.cones[own, :3]
+        over = every @ axes.T - np.einsum("ki,ki->k", axes, points.reshape(-1, 16, 3)[own, 0])
+        if (blockers.flags[own] & PLANAR != 0).all() and (over >= -level).all():
+            out[own] = False
+    return out

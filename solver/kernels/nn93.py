@@ -249,11 +249,34 @@ def _add_spans(s, quad, spans, counts):
             counts[line] += 1
 
 
+@lean
+def _cap(s, cap):
+    """Cap (5,) of directions that holds a net: axis, half-angle, and the least distance."""
+    for d in range(3):
+        cap[d] = 0.0
+        for i in range(4):
+            for j in range(4):
+                cap[d] += s[i, j, d] / (16.0 * s[i, j, 3])
+    radius = 0.0
+    for i in range(4):
+        for j in range(4):
+            off = 0.0
+            for d in range(3):
+                off += (s[i, j, d] / s[i, j, 3] - cap[d]) ** 2
+            radius = max(radius, math.sqrt(off))
+    distance = math.sqrt(cap[0] ** 2 + cap[1] ** 2 + cap[2] ** 2)
+    cap[4] = distance - radius
+    cap[3] = math.pi if distance <= radius else math.asin(radius / distance)
+    for d in range(3):
+        cap[d] /= max(distance, 1e-300)
+    return distance + radius
+
+
 @kernel
-def visible_share(cell, blockers, own, blind, near, fine, stack, spans):
+def visible_share(cell, blockers, near, fine, stack, spans):
     """Share of a sub-element that no blocker (p, 4, 4, 4) hides; both relative to the receiver.
 
-    Blockers ``own`` and ``blind`` hide nothing, nor do pieces wholly within ``near`` [m].
+    Pieces wholly within ``near`` [m] hide nothing.
     """
     z = np.zeros(3)
     for i in (0, 3):
@@ -288,8 +311,6 @@ def visible_share(cell, blockers, own, blind, near, fine, stack, spans):
     cut = np.empty(2)
     low, high = np.empty((4, 4, 4)), np.empty((4, 4, 4))
     for b in range(blockers.shape[0]):
-        if b == own or b == blind:
-            continue
         top = 1
         for i in range(4):
             for j in range(4):
@@ -373,7 +394,7 @@ def visible_share(cell, blockers, own, blind, near, fine, stack, spans):
 
 @parallel
 def nn93_rows(
-    points, normals, on, blind, near, sources, place, nets, tolerance, least, trace, out, bounds
+    points, normals, on, blind, near, sources, place, nets, hiding, tolerance, least, out, bounds
 ):
     """Form factors by the method of the paper, divided among the corners of the sources.
 
@@ -391,13 +412,13 @@ def nn93_rows(
     near : (m,) array
         Distance within which nothing is seen of that patch, and nothing hides. [m]
     sources, nets : (n, 4, 4, 4), (p, 4, 4, 4) array
-        Sources, and everything that hides.
+        Sources, and all surfaces.
     place : (n,) int array
         Row of each source among ``nets``.
+    hiding : (p,) bool array
+        Which surfaces may hide anything.
     tolerance, least : float
         Factor of a sub-element below which it is not quartered: relative to the whole, and at all.
-    trace : bool
-        Whether to look for blockers.
     out : (m, n, 4) array
         Added to: shares of the corners (0, 0), (1, 0), (1, 1), (0, 1) of the nets' parameters.
     bounds : (m, n) array
@@ -410,9 +431,17 @@ def nn93_rows(
         level, middle = np.empty(_STACK, dtype=np.int64), np.empty((_STACK, 2))
         spans = np.empty((_LINES, 4096, 2))
         low, high = np.empty((4, 4, 4)), np.empty((4, 4, 4))
-        shifted = np.empty_like(nets)
+        shifted, some = np.empty_like(nets), np.empty_like(nets)
+        caps, cap = np.empty((nets.shape[0], 5)), np.empty(5)
+        hides = np.zeros(nets.shape[0], dtype=np.bool_)
         for b in range(nets.shape[0]):
+            if not hiding[b]:
+                continue
             shift_net(nets[b], x, shifted[b])
+            _cap(shifted[b], caps[b])
+            for k in range(16):
+                p = shifted[b, k // 4, k % 4]
+                hides[b] = hides[b] or n[0] * p[0] + n[1] * p[1] + n[2] * p[2] > rounding
         helper = np.zeros(3)
         helper[np.argmin(np.abs(n))] = 1.0
         ex = np.cross(helper, n)
@@ -427,6 +456,17 @@ def nn93_rows(
             middle[0] = 0.5
             whole = band_bound(stack[0], n, ex, ey)
             bounds[i, j] = whole
+            # What may lie before the element: for all of its sub-elements.
+            count = 0
+            reach = _cap(stack[0], cap)
+            for b in range(nets.shape[0]):
+                if not hides[b] or b == place[j] or b == unseen or caps[b, 4] > reach:
+                    continue
+                between = cap[0] * caps[b, 0] + cap[1] * caps[b, 1] + cap[2] * caps[b, 2]
+                apart = math.acos(min(1.0, max(-1.0, between)))
+                if apart <= cap[3] + caps[b, 3] + 1e-9:
+                    some[count] = shifted[b]
+                    count += 1
             top = 1
             while top > 0:
                 top -= 1
@@ -443,14 +483,12 @@ def nn93_rows(
                     continue
                 bent = _sagitta(cell)
                 small = band_bound(cell, n, ex, ey) <= max(tolerance * whole, least)
-                if (bent < 1e-12 and not trace) or small or deep >= 9:
+                if (bent < 1e-12 and count == 0) or small or deep >= 9:
                     # The flatness test: so many chords that what they cut off is small.
                     chords = min(64, 1 + int(math.sqrt(bent / (0.1 * tolerance + 1e-12))))
                     value = max(0.0, polygon_factor(cell, n, chords))
-                    if value > 0.0 and trace:
-                        value *= visible_share(
-                            cell, shifted, place[j], unseen, near[i], 0.02, work, spans
-                        )
+                    if value > 0.0 and count > 0:
+                        value *= visible_share(cell, some[:count], near[i], 0.02, work, spans)
                     s, t = middle[top, 0], middle[top, 1]
                     out[i, j, 0] += value * (1.0 - s) * (1.0 - t)
                     out[i, j, 1] += value * s * (1.0 - t)
