@@ -387,3 +387,8 @@ class SceneFile(Table):
     sensors: list[SensorsTable] = Field(default_factory=list)
     cameras: list[CameraTable] = Field(default_factory=list)
     requirements: list[RequirementTable] = Field(default_factory=list)
+
+    def build(self) -> None:
+        """Nothing: the tables are built one by one."""
+        if self.method == "nn93" and self.basis is not None:
+            raise ValueError('basis: not used together with method = "nn93"')
