@@ -48,6 +48,7 @@ def run(
     up: Axis | None = None,
     tolerance: float | None = None,
     scene: Path | None = None,
+    method: Literal["default", "nn93"] | None = None,
     pdf: Flag = False,
     force: Flag = False,
     check: Flag = False,
@@ -76,6 +77,8 @@ def run(
         Largest deviation of converted faces, relative to the size of their part.
     scene
         Scene file whose first model the STEP file replaces.
+    method
+        nn93: as Nishita and Nakamae published it in 1993, for comparison.
     pdf
         Write report.pdf too.
     force
@@ -90,7 +93,9 @@ def run(
     from .runs import RunOptions, run_file
     from .talk import Talk
 
-    options = RunOptions(output, accuracy, threads, scale, unit, up, tolerance, scene, pdf, force)
+    options = RunOptions(
+        output, accuracy, threads, scale, unit, up, tolerance, scene, pdf, force, method=method
+    )
     with Talk(verbose=verbose) as talk:
         _check_pdf(pdf)
         done = run_file(file, options, talk)

@@ -43,6 +43,7 @@ class RunOptions:
     pdf: bool = False
     force: bool = False
     own_files: tuple[str, ...] = ()
+    method: str | None = None
 
 
 @dataclass(slots=True)
@@ -87,11 +88,23 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
             talk.note(f"note: {note}")
     from patchlight.solver.simulation import estimate_seconds
 
+    method = scene.method if options.method is None else options.method
     seconds = float(estimate_seconds(data, accuracy))
     size = f"{len(data.patches)} patches of {len(data.faces)} faces, accuracy {accuracy:g}"
     announce = talk.note if seconds > LONG_SECONDS else talk.detail
-    announce(f"{size}: expected to take about {_duration(seconds)}")
-    result = simulate(data, accuracy=accuracy, progress=talk.progress, threads=options.threads)
+    if method == "default":
+        announce(f"{size}: expected to take about {_duration(seconds)}")
+    else:
+        talk.note(f"{size}: by the method of 1993, which takes a multiple of the default's time")
+    result = simulate(
+        data,
+        accuracy=accuracy,
+        method=method,
+        basis=scene.basis,
+        balanced_mesh=scene.balanced_mesh,
+        progress=talk.progress,
+        threads=options.threads,
+    )
     result = with_requirements(result, scene)
     from patchlight.reports import write_run
     from patchlight.reports.files import write_text
@@ -125,9 +138,7 @@ def _from_scene_file(
     talk.progress("reading models", 0, len(file.model))
     scene = build_scene(file, path)
     _announce_kernels(talk)
-    if options.accuracy is not None:
-        file = _with_accuracy(file, options.accuracy)
-    return scene, resolved_config(file, path.parent)
+    return scene, resolved_config(_with_options(file, options), path.parent)
 
 
 def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tuple[Scene, str]:
@@ -154,9 +165,7 @@ def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tup
     for remark in bare.remarks:
         talk.note(f"  {remark}")
     bare.values["model"][0].update(given)
-    if options.accuracy is not None:
-        bare.values["accuracy"] = options.accuracy
-    file = checked_scene_file(bare.values, path)
+    file = _with_options(checked_scene_file(bare.values, path), options)
     return bare.scene, resolved_config(file, path.parent, remarks=tuple(bare.remarks))
 
 
@@ -175,8 +184,10 @@ def _refuse(options: RunOptions, keys: tuple[str, ...], why: str) -> None:
             raise InputError(f"--{key}: {why}; leave it out here")
 
 
-def _with_accuracy(file: SceneFile, accuracy: float) -> SceneFile:
-    return file.model_copy(update={"accuracy": accuracy})
+def _with_options(file: SceneFile, options: RunOptions) -> SceneFile:
+    """A scene file with what was asked for in its place."""
+    asked = {"accuracy": options.accuracy, "method": options.method}
+    return file.model_copy(update={k: value for k, value in asked.items() if value is not None})
 
 
 def _duration(seconds: float) -> str:

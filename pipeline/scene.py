@@ -147,6 +147,12 @@ class Scene:
         self.colors = colors
         self.title: str | None = None
         self.accuracy = 0.01
+        #: How it is solved: "default" or "nn93".
+        self.method = "default"
+        #: How reflected light varies over elements; None leaves the choice to the solver.
+        self.basis: str | None = None
+        #: Whether no edge of an element may have more than two neighbours.
+        self.balanced_mesh = False
         self.entries: dict[str, Entry] = {}
         self.grids: dict[str, SensorGrid | Sensors] = {}
         self.cameras: dict[str, Camera] = {}

@@ -223,7 +223,8 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
         colors=file.colors,
     )
     scene.title = file.title or path.stem
-    scene.accuracy = file.accuracy
+    scene.accuracy, scene.method = file.accuracy, file.method
+    scene.basis, scene.balanced_mesh = file.basis, file.balanced_mesh
     problems = Problems(str(path))
     for k, table in enumerate(file.model):
         with problems.under(f"model[{k}].file"):

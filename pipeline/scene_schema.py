@@ -368,6 +368,12 @@ class SceneFile(Table):
     title: Text | None = None
     accuracy: Annotated[Number, Field(ge=1e-6, le=0.5)] = 0.01
     """Relative error of sensor illuminance aimed at."""
+    method: Literal["default", "nn93"] = "default"
+    """nn93: as Nishita and Nakamae published it in 1993, for comparison."""
+    basis: Literal["constant", "bilinear", "biquadratic"] | None = None
+    """How reflected light varies over elements; bilinear where there are not too many of them."""
+    balanced_mesh: StrictBool = False
+    """Whether elements are cut until no edge of one has more than two neighbours."""
     maintenance_factor: Annotated[Number, Field(gt=0, le=1)] = 1.0
     """Factor on electric light; daylight has none."""
     colors: Literal["pictures", "reflectance"] = COLORS[0]  # type: ignore[assignment]
@@ -381,3 +387,8 @@ class SceneFile(Table):
     sensors: list[SensorsTable] = Field(default_factory=list)
     cameras: list[CameraTable] = Field(default_factory=list)
     requirements: list[RequirementTable] = Field(default_factory=list)
+
+    def build(self) -> None:
+        """Nothing: the tables are built one by one."""
+        if self.method == "nn93" and self.basis is not None:
+            raise ValueError('basis: not used together with method = "nn93"')

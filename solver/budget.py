@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .memory import VARYING_BYTES, has_room
+from .memory import has_room, varying_bytes
 from .mesh import divisions
 from .model.arrays import IntArray
 from .model.scene import SceneData
@@ -33,7 +33,10 @@ MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
 USUALLY_MORE = 0.2
 #: Inset Gauss nodes a direction in each element: a single one is blind to shadow edges.
-NODES = {"constant": 2, "bilinear": 2, "biquadratic": 3}
+NODES = {"constant": 2, "bilinear": 2, "biquadratic": 3, "corners": 2}
+
+#: What users may ask for.
+BASES = ("constant", "bilinear", "biquadratic")
 
 #: Wall-clock time on two cores: half of the CPU time of each stage of the demo office (accuracy 0.3
 #: to 0.02) and of a room with one lamp (0.02 and 0.005), the larger per unit of both scenes. [s]
@@ -71,7 +74,8 @@ class Budget:
     distance : float
         Distance between surfaces to which places are compared. [m]
     basis : str
-        How exitance varies over an element: "constant", "bilinear" or "biquadratic".
+        How exitance varies over an element: "constant", "bilinear" or "biquadratic", or bilinearly
+        between its "corners".
     nodes : int
         Nodes a direction in each element.
     moments : float
@@ -136,6 +140,8 @@ class Budget:
         size = 0.25 * middle * (accuracy / 0.02) ** (1.0 / 3.0)
         if basis == "constant":
             size = 0.09 * middle * math.sqrt(accuracy / 0.01)
+        elif basis == "corners":
+            size = 0.18 * middle * math.sqrt(accuracy / 0.01)
         size = min(max(size, middle / 24.0), 0.6 * middle)
         return cls._with_size(scene, accuracy, size, accuracy, middle, basis)
 
@@ -163,8 +169,11 @@ class Budget:
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
         large = total > MANY_ELEMENTS
-        if total > VARYING_ELEMENTS or not has_room(VARYING_BYTES * int((1.0 + MORE) * total) ** 2):
-            basis = "constant"
+        for varying, otherwise in (("biquadratic", "bilinear"), ("bilinear", "constant")):
+            room = has_room(varying_bytes(varying) * int((1.0 + MORE) * total) ** 2)
+            if basis == varying and (total > most_varying(varying) or not room):
+                basis = otherwise
+        held = most_varying(basis) if basis == "biquadratic" else MAX_ELEMENTS
         nodes = NODES[basis]
         cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())
         return cls(
@@ -173,10 +182,8 @@ class Budget:
             divisions=counts,
             elements=total,
             receivers=total + (nodes**2 - 1) * (cut if large else total) + sensors,
-            most_elements=max(
-                total, min(MAX_ELEMENTS, total + max(MORE_AT_LEAST, int(MORE * total)))
-            ),
-            elements_at_most=max(total, MAX_ELEMENTS),
+            most_elements=max(total, min(held, total + max(MORE_AT_LEAST, int(MORE * total)))),
+            elements_at_most=max(total, held),
             misplaced=misplaced,
             distance=distance,
             basis=basis,
@@ -231,6 +238,11 @@ class Budget:
         sensors = sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
         return _START + cuts + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
+
+
+def most_varying(basis: str) -> int:
+    """Elements up to which light varies over each: those with more nodes, fewer."""
+    return VARYING_ELEMENTS * NODES["bilinear"] ** 2 // NODES[basis] ** 2
 
 
 def _lines(accuracy: float, elements: int) -> int:

@@ -371,6 +371,10 @@ class FieldSolver:
         doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change))
         return light, doubt
 
+    def outside(self, receivers: Receivers, budget: Budget) -> Light:
+        """Direct light of sky, sun and ground on any receivers, as at sensors."""
+        return self._incidence.from_outside(receivers, budget, not self.in_cavity)
+
     def _sees_out(self, rows: Rows, lit: NDArray[np.bool_]) -> bool:
         """Whether light may leave the scene from ``lit`` rows, beyond what sampling explains."""
         if self.in_cavity:

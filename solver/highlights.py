@@ -47,6 +47,8 @@ class Highlights:
     ) -> None:
         self.scene, self.mirrors, self.webs = scene, mirrors, webs
         self.trace, self.stages = trace, stages
+        #: Whether the lobe keeps the balance of energy, or is that of 1993.
+        self.conserving = True
         self.any = GlossySides(scene, 3).any
         if not self.any:
             stages.skipped["second pass"] = "nothing is glossy"
@@ -60,6 +62,7 @@ class Highlights:
             mirrors=self.mirrors.shares,
             webs=self.webs.lamps(budget.accuracy),
             trace=self.trace,
+            conserving=self.conserving,
         )
 
     def for_pictures(self, surfaces: Surfaces, finer: Finer, budget: Budget) -> SecondPass | None:

@@ -14,9 +14,6 @@ from .errors import OutOfMemoryError
 #: factors (4) and variances (4), a quarter of both once more for rows that are found anew (2), and
 #: what is in between for some rows at a time (less than 1 with 2500 elements, measured).
 PAIR_BYTES = 11
-#: The same where light varies over elements: rows from four nodes (32), the factors of their
-#: sixteen pairs (64), and some of the rows anew (8).
-VARYING_BYTES = 104
 #: Bytes of a pair once it is known: factors, and the variances of sampled ones.
 ROW_BYTES = 8
 #: The same where factors are of double precision.
@@ -33,6 +30,15 @@ UNKNOWN_BYTES = 10_000
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
 SMALL_MATRIX = 1_000_000
 GB = 1e9
+
+
+def varying_bytes(basis: str) -> int:
+    """Bytes that a pair of elements takes at the worst moment where light varies over elements.
+
+    Rows from q nodes (8 q), the factors of their q² pairs (4 q²), and some of the rows anew (2 q).
+    """
+    q = 9 if basis == "biquadratic" else 4
+    return 10 * q + 4 * q**2
 
 
 def needed_bytes(elements: int, largest_grid: int = 0) -> int:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .balance import Seam, balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
 from .horizon_lines import with_lines
@@ -64,24 +65,34 @@ class Mesher:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self._containment = Containment(scene) if tester is None else tester
         self._refiner: Refiner | None = None
+        #: Whether neighbours are to differ by one cut at most; see `balance`.
+        self.balance = False
+        self._seams: list[Seam] | None = None
 
     def elements(self, budget: Budget, boxes: Boxes) -> Elements:
         """Elements over ``boxes``."""
         scene = self.scene
         small = (budget.small * budget.size) ** 2
         elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
-        low, high = scene.patches.bounds()
-        distance = CONTACT * float(np.linalg.norm(high - low))
-        buried = self._containment.buried(
-            elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3), distance
-        )
+        buried = self.buried(elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3))
         return replace(elements, buried=buried.reshape(elements.weights.shape))
+
+    def buried(self, points: FloatArray, normals: FloatArray) -> IntArray:
+        """Whether points (m, 3) of surfaces are covered, (m,) bool."""
+        low, high = self.scene.patches.bounds()
+        distance = CONTACT * float(np.linalg.norm(high - low))
+        return self._containment.buried(points, normals, distance)
 
     def boxes(self, budget: Budget) -> tuple[Boxes, float]:
         """Boxes of the size that ``budget`` asks for, or smaller.
 
         Also the share of the reflected light that elements over them have in the wrong place.
         """
+        boxes, misplaced = self._cut_where_light_changes(budget)
+        return self.balanced(boxes, budget), misplaced
+
+    def _cut_where_light_changes(self, budget: Budget) -> tuple[Boxes, float]:
+        """The same, without regard to their neighbours."""
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
         if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
@@ -140,6 +151,18 @@ class Mesher:
             return refiner.again(mesh.boxes, mesh.looked)
         return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
 
+    def balanced(self, boxes: Boxes, budget: Budget) -> Boxes:
+        """Boxes of which no edge has more than two neighbours, where that is asked for."""
+        if not self.balance:
+            self.stages.skipped["balance of the mesh"] = "not asked for"
+            return boxes
+        if self._seams is None:
+            self._seams = smooth_seams(self.blockers)
+        even = balanced(boxes, self._seams, budget.elements_at_most)
+        if len(even) > len(boxes):
+            self.stages.count({"elements_added_for_balance": len(even) - len(boxes)})
+        return even
+
     def misplaced(self, boxes: Boxes, otherwise: float) -> float:
         """Share of the reflected light in the wrong place on ``boxes``, where that is known."""
         if self._refiner is None:
@@ -160,4 +183,4 @@ class Mesher:
         chosen = np.sort(order[:count])
         halves = boxes.take(chosen).halved(np.argmax(wrong[chosen], axis=1))
         kept = np.setdiff1d(np.arange(len(boxes)), chosen)
-        return boxes.take(kept).joined(halves)[0]
+        return self.balanced(boxes.take(kept).joined(halves)[0], budget)

@@ -42,20 +42,25 @@ def nn93_form_factors(
 
     others = np.empty((0, 4, 4, 4)) if blockers is None else blockers.control_points
     nets, place = distinct_nets(sources.control_points, others)
-    value = np.zeros((len(points), len(sources)))
-    bounds = np.zeros_like(value)
-    if value.size:
+    m, n = len(points), len(sources)
+    shares, bounds = np.zeros((m, n, 4)), np.zeros((m, n))
+    if bounds.size:
         nn93_rows(
             writable(points),
             writable(normals),
+            np.full(m, -1),
+            np.zeros(m, dtype=bool),
+            np.zeros(m),
             writable(sources.control_points),
             place,
             writable(nets),
+            np.full(len(nets), visibility != "none"),
             max(math.sqrt(accuracy), 1e-3),
-            visibility != "none",
-            value,
+            0.0,
+            shares,
             bounds,
         )
+    value = shares.sum(axis=2)
     high = np.minimum(np.maximum(bounds, value), 1.0)
     return FormFactors(np.minimum(value, high), np.zeros_like(value), high, False)
 

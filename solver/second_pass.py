@@ -81,6 +81,8 @@ class SecondPass:
         Whether anything can hide anything.
     caster : RayCaster, optional
         Of ``scene.patches``, when there already is one.
+    conserving : bool
+        Whether the lobe keeps the balance of energy; else it is that of 1993, see `glossy`.
     """
 
     def __init__(
@@ -93,10 +95,12 @@ class SecondPass:
         webs: Sequence[WebLamp] = (),
         trace: bool = True,
         caster: RayCaster | None = None,
+        conserving: bool = True,
     ) -> None:
         from .kernels.paths import Sides, Tree
 
         self.scene, self.surfaces, self.webs, self.trace = scene, surfaces, webs, trace
+        self.conserving = conserving
         self.groups, self.bands = tuple(reflected), surfaces.reflectance.shape[1]
         self.sides = GlossySides(scene, self.bands)
         low, high = scene.patches.bounds()
@@ -167,7 +171,7 @@ class SecondPass:
             luminance[:, columns + k] = self.surfaces.lamp[lamps] == web.row
         found = radiance(
             points, normals, views, exponents, floors,
-            Lobe(True, self.trace, accuracy, rays, rounds, self.near),
+            Lobe(self.conserving, self.trace, accuracy, rays, rounds, self.near),
             shining_of(self._nets, luminance, brightness),
             flat(light), flat(emitted), self._beyond(by_group, columns + own),
             self._tree, self._sides,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import VARYING_ELEMENTS, Budget
+from .budget import BASES, Budget, most_varying
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -15,7 +15,7 @@ from .incident import Gathered
 from .iterated import ROWS, Finer, as_it_is
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
-from .memory import PAIR_BYTES, VARYING_BYTES, check_memory, fits, has_room
+from .memory import PAIR_BYTES, check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
 from .mesh_sample import sampled_misplaced
@@ -32,6 +32,8 @@ from .topology import is_single, make_blockers
 
 #: How often the mesh is cut further where the accuracy asked for is not reached.
 REFINEMENTS = 3
+#: Ways to solve a scene.
+METHODS = ("default", "nn93")
 
 
 def estimate_seconds(scene: SceneData, accuracy: float = 0.01) -> float:
@@ -44,6 +46,9 @@ def solve(
     *,
     accuracy: float = 0.01,
     visibility: str = "auto",
+    method: str = "default",
+    basis: str | None = None,
+    balanced_mesh: bool = False,
     progress: Progress | None = None,
     threads: int | None = None,
     cache: bool = False,
@@ -59,6 +64,15 @@ def solve(
     visibility : {"auto", "none"}
         ``"auto"`` traces pyramids, and meridians for weak pairs; ``"none"`` lets light through
         everything, for comparison.
+    method : {"default", "nn93"}
+        ``"nn93"`` is the method of Nishita and Nakamae 1993 as published, for comparison: see
+        `nn93_simulation`.
+    basis : {"bilinear", "biquadratic", "constant"}, optional
+        How reflected light varies over elements, where there are not too many of them; bilinearly
+        when not given. ``"biquadratic"`` is for much accuracy close to edges.
+    balanced_mesh : bool
+        Whether the mesh is cut further until no edge of an element has more than two neighbours.
+        No value gets better by that; see `balance`.
     progress : callable, optional
         Called as ``progress(stage, done, total)``.
     threads : int, optional
@@ -87,13 +101,23 @@ def solve(
         raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
     if visibility not in ("auto", "none"):
         raise InputError(f"visibility = {visibility!r}: auto or none")
+    if method not in METHODS:
+        raise InputError(f"method = {method!r}: {' or '.join(METHODS)}")
+    if basis is not None and basis not in BASES:
+        raise InputError(f"basis = {basis!r}: {', '.join(BASES)}")
     if len(scene.patches) == 0:
         raise GeometryError("the scene has no surfaces")
     if scene.opaque_count == 0:
         raise GeometryError("the scene has no surfaces but panes of glass")
     previous = None if threads is None else _set_threads(threads)
     try:
-        return _Simulation(scene, accuracy, visibility, Stages(progress), cache=cache).run()
+        kind = Simulation
+        if method == "nn93":
+            from .nn93_simulation import Nn93Simulation
+
+            kind = Nn93Simulation
+        options = Options(basis=basis, balanced=balanced_mesh, cache=cache)
+        return kind(scene, accuracy, visibility, Stages(progress), options).run()
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -106,7 +130,7 @@ def _set_threads(threads: int) -> int:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Solved:
+class Solved:
     """A mesh, what was found on it, and the sensors with and without the error of the mesh."""
 
     field: Field
@@ -117,23 +141,43 @@ class _Solved:
     without_mesh: dict[str, SensorResult]
 
 
-class _Simulation:
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What may be chosen besides accuracy and visibility; see `solve`."""
+
+    basis: str | None = None
+    balanced: bool = False
+    cache: bool = False
+
+
+class Simulation:
     """One run; each method is a stage."""
 
+    #: How the scene is solved, and how light varies over elements.
+    method, basis = "default", "bilinear"
+
     def __init__(
-        self, scene: SceneData, accuracy: float, visibility: str, stages: Stages, *, cache: bool
+        self,
+        scene: SceneData,
+        accuracy: float,
+        visibility: str,
+        stages: Stages,
+        options: Options,
     ) -> None:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
-        self.store = STORE if cache else None
+        # What decided on a mesh is known only for the boxes it was known for before balancing.
+        self.store = STORE if options.cache and not options.balanced else None
+        self.balance = options.balanced
         self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
-        self.budget = Budget.of(scene, accuracy)
+        self.basis = options.basis or self.basis
+        self.budget = Budget.of(scene, accuracy, self.basis)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
         if len(STORE) and not self._is_roomy():
             forget()  # what is kept may be found again
-            self.budget = Budget.of(scene, accuracy)
+            self.budget = Budget.of(scene, accuracy, self.basis)
         check_memory(
             self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
         )
@@ -141,7 +185,7 @@ class _Simulation:
     def _is_roomy(self) -> bool:
         """Whether memory sets no bound to the mesh that is asked for."""
         budget, panes = self.budget, bool(self.scene.glazings)
-        varying = budget.basis != "constant" or panes or budget.elements > VARYING_ELEMENTS
+        varying = budget.basis != "constant" or panes or budget.elements > most_varying(self.basis)
         return varying and fits(budget.elements, self.largest_grid)
 
     def run(self) -> Result:
@@ -154,15 +198,16 @@ class _Simulation:
             tester = Containment(scene)
             stages.warnings.extend(self._remarks(kept, tester))
         self._say_skipped(blockers)
-        if self.budget.basis == "constant" and self.budget.elements <= VARYING_ELEMENTS:
-            if not scene.glazings:
-                stages.warnings.append(
-                    "exitance is taken for constant on every element: the memory that is free does "
-                    f"not hold more for {self.budget.elements} elements"
-                )
+        told, elements = self.budget.basis, self.budget.elements
+        if told != self.basis and elements <= most_varying(self.basis) and not scene.glazings:
+            stages.warnings.append(
+                f"exitance is taken for {told} on every element: the memory that is free does not "
+                f"hold more for {elements} elements"
+            )
         trace = "visibility" not in stages.skipped
         kept = kept.with_more(trace)
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester, kept=kept)
+        solver.mesher.balance = self.balance
         solved = self._solved(solver, kept)
         kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
@@ -191,6 +236,8 @@ class _Simulation:
                 **self.budget.settings,
                 **stages.figures,
                 "visibility": self.visibility,
+                "method": self.method,
+                "balanced_mesh": self.balance,
                 "bands": solver.bands,
             },
             warnings=tuple(stages.warnings),
@@ -204,7 +251,7 @@ class _Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(self, solver: FieldSolver, kept: Kept) -> _Solved:
+    def _solved(self, solver: FieldSolver, kept: Kept) -> Solved:
         """Light on the mesh of a run before this one, if it does, or on one of the scene's own."""
         before, solved = kept.mesh(self.budget), None
         if before is not None:
@@ -218,7 +265,7 @@ class _Simulation:
         self.stages.figures["mesh_of_earlier_run"] = solved is not None
         return self._on_own_mesh(solver, kept) if solved is None else solved
 
-    def _on_own_mesh(self, solver: FieldSolver, kept: Kept) -> _Solved:
+    def _on_own_mesh(self, solver: FieldSolver, kept: Kept) -> Solved:
         """Light on the mesh of the budget, cut further where its error is too large."""
         boxes, misplaced = solver.mesher.boxes(self.budget)
         solved = self._on(solver, boxes)
@@ -248,12 +295,12 @@ class _Simulation:
 
     def _has_room(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
-        if varying and not has_room(VARYING_BYTES * elements**2):
+        if varying and not has_room(varying_bytes(self.budget.basis) * elements**2):
             return False
         return fits(elements, self.largest_grid)
 
     def _keep_mesh(
-        self, solver: FieldSolver, kept: Kept, solved: _Solved, *, converged: bool
+        self, solver: FieldSolver, kept: Kept, solved: Solved, *, converged: bool
     ) -> None:
         """Keep what a later run needs to take the same mesh."""
         if self._own_mesh is None:
@@ -281,7 +328,7 @@ class _Simulation:
         lines, told = kept.find("placement", at, lambda: (check_placement(scene, tester), flux))
         return lines if not lines or told == flux else check_placement(scene, tester)
 
-    def _on(self, solver: FieldSolver, boxes: Boxes) -> _Solved:
+    def _on(self, solver: FieldSolver, boxes: Boxes) -> Solved:
         """Light on one mesh, and at the sensors."""
         budget = self.budget
         field = solver.solve(budget, boxes)
@@ -301,7 +348,7 @@ class _Simulation:
             gathered, doubt = solver.gather(grid, seen[k], field, finer)
             sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, doubt))
             without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
-        return _Solved(field, finer, balance, error, sensors, without_mesh)
+        return Solved(field, finer, balance, error, sensors, without_mesh)
 
     def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
         grid = self.scene.sensors[index]

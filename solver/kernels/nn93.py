@@ -34,26 +34,54 @@ def _band(alpha):
 
 @lean
 def band_bound(s, n, ex, ey):
-    """Upper bound of the form factor of a net above the horizon [1, eq. 5 and 6]; 1 if it dips.
+    """Upper bound of the form factor of a net [1, eq. 5 and 6].
+
+    Of a net that crosses the horizon the hull is cut there: its corners are then the control points
+    above, and where lines between those above and below cross. 1 for a net that holds the receiver.
 
     ``ex``, ``ey``: unit vectors square to the receiver normal ``n`` and to each other.
     """
     a0, a1, y0, y1 = math.pi, 0.0, 1.0, -1.0
-    for i in range(4):
-        for j in range(4):
-            p = s[i, j]
-            x = p[0] * ex[0] + p[1] * ex[1] + p[2] * ex[2]
-            y = p[0] * ey[0] + p[1] * ey[1] + p[2] * ey[2]
-            z = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
-            size = math.sqrt(x * x + y * y + z * z)
-            if z < -1e-14 * size or size == 0.0:
-                return 1.0
-            across = math.sqrt(y * y + z * z)
-            if across == 0.0:
-                return 1.0
-            alpha = math.atan2(across, x)
-            a0, a1 = min(a0, alpha), max(a1, alpha)
-            y0, y1 = min(y0, y / across), max(y1, y / across)
+    dips = False
+    for i in range(16):
+        p = s[i // 4, i % 4]
+        x = p[0] * ex[0] + p[1] * ex[1] + p[2] * ex[2]
+        y = p[0] * ey[0] + p[1] * ey[1] + p[2] * ey[2]
+        z = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
+        across = math.sqrt(y * y + z * z)
+        if across == 0.0:
+            return 1.0
+        if z < -1e-14 * math.sqrt(x * x + y * y + z * z):
+            dips = True
+            continue
+        alpha = math.atan2(across, x)
+        a0, a1 = min(a0, alpha), max(a1, alpha)
+        y0, y1 = min(y0, y / across), max(y1, y / across)
+    if dips:
+        for i in range(16):
+            p = s[i // 4, i % 4]
+            zp = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
+            if zp <= 0.0:
+                continue
+            for j in range(16):
+                q = s[j // 4, j % 4]
+                zq = q[0] * n[0] + q[1] * n[1] + q[2] * n[2]
+                if zq >= 0.0:
+                    continue
+                t = zp / (zp - zq)
+                x = y = 0.0
+                for d in range(3):
+                    at = p[d] + t * (q[d] - p[d])
+                    x += at * ex[d]
+                    y += at * ey[d]
+                if y == 0.0:
+                    return 1.0
+                alpha = math.atan2(abs(y), x)
+                a0, a1 = min(a0, alpha), max(a1, alpha)
+                # On the horizon all is to one side or the other.
+                y0, y1 = min(y0, math.copysign(1.0, y)), max(y1, math.copysign(1.0, y))
+    if y1 < y0:
+        return 0.0
     return (y1 - y0) * (_band(a1) - _band(a0))
 
 
@@ -221,9 +249,35 @@ def _add_spans(s, quad, spans, counts):
             counts[line] += 1
 
 
+@lean
+def _cap(s, cap):
+    """Cap (5,) of directions that holds a net: axis, half-angle, and the least distance."""
+    for d in range(3):
+        cap[d] = 0.0
+        for i in range(4):
+            for j in range(4):
+                cap[d] += s[i, j, d] / (16.0 * s[i, j, 3])
+    radius = 0.0
+    for i in range(4):
+        for j in range(4):
+            off = 0.0
+            for d in range(3):
+                off += (s[i, j, d] / s[i, j, 3] - cap[d]) ** 2
+            radius = max(radius, math.sqrt(off))
+    distance = math.sqrt(cap[0] ** 2 + cap[1] ** 2 + cap[2] ** 2)
+    cap[4] = distance - radius
+    cap[3] = math.pi if distance <= radius else math.asin(radius / distance)
+    for d in range(3):
+        cap[d] /= max(distance, 1e-300)
+    return distance + radius
+
+
 @kernel
-def visible_share(cell, blockers, own, fine, stack, spans):
-    """Share of a sub-element that no blocker (p, 4, 4, 4) hides; both relative to the receiver."""
+def visible_share(cell, blockers, near, fine, stack, spans):
+    """Share of a sub-element that no blocker (p, 4, 4, 4) hides; both relative to the receiver.
+
+    Pieces wholly within ``near`` [m] hide nothing.
+    """
     z = np.zeros(3)
     for i in (0, 3):
         for j in (0, 3):
@@ -257,8 +311,6 @@ def visible_share(cell, blockers, own, fine, stack, spans):
     cut = np.empty(2)
     low, high = np.empty((4, 4, 4)), np.empty((4, 4, 4))
     for b in range(blockers.shape[0]):
-        if b == own:
-            continue
         top = 1
         for i in range(4):
             for j in range(4):
@@ -272,11 +324,14 @@ def visible_share(cell, blockers, own, fine, stack, spans):
                 break
             top -= 1
             piece = stack[top]
-            front = False
+            front = away = False
             for i in range(4):
                 for j in range(4):
-                    front = front or piece[i, j, 2] > 0.0
-            if not front:
+                    q = piece[i, j]
+                    front = front or q[2] > 0.0
+                    reached = q[0] ** 2 + q[1] ** 2 + q[2] ** 2
+                    away = away or reached > (near * q[3]) ** 2
+            if not (front and away):
                 continue
             shrink = 1.0
             gone = False
@@ -338,66 +393,115 @@ def visible_share(cell, blockers, own, fine, stack, spans):
 
 
 @parallel
-def nn93_rows(points, normals, sources, place, nets, tolerance, trace, out, bounds):
-    """Form factors (m, n) by the method of the paper into ``out``, eq. 5 into ``bounds``.
+def nn93_rows(
+    points, normals, on, blind, near, sources, place, nets, hiding, tolerance, least, out, bounds
+):
+    """Form factors by the method of the paper, divided among the corners of the sources.
+
+    A sub-element's share goes to the corners of its element as they weigh in its middle, where a
+    function that is bilinear between them has the mean of its values at the sub-element's own.
 
     Parameters
     ----------
     points, normals : (m, 3) array
         Receivers [m] and unit normals.
+    on : (m,) int array
+        Row among ``nets`` of the patch each lies on, −1 for none.
+    blind : (m,) bool array
+        Whether nothing of that patch is above a receiver's horizon.
+    near : (m,) array
+        Distance within which nothing is seen of that patch, and nothing hides. [m]
     sources, nets : (n, 4, 4, 4), (p, 4, 4, 4) array
-        Sources, and everything that hides.
+        Sources, and all surfaces.
     place : (n,) int array
         Row of each source among ``nets``.
-    tolerance : float
-        Factor of a sub-element below which it is not quartered; relative to the whole.
-    trace : bool
-        Whether to look for blockers.
+    hiding : (p,) bool array
+        Which surfaces may hide anything.
+    tolerance, least : float
+        Factor of a sub-element below which it is not quartered: relative to the whole, and at all.
+    out : (m, n, 4) array
+        Added to: shares of the corners (0, 0), (1, 0), (1, 1), (0, 1) of the nets' parameters.
+    bounds : (m, n) array
+        Eq. 5 of every source.
     """
     for i in nb.prange(points.shape[0]):
         x, n = points[i], normals[i]
         rounding = horizon_tolerance(x)
         stack, work = np.empty((_STACK, 4, 4, 4)), np.empty((_STACK, 4, 4, 4))
-        level = np.empty(_STACK, dtype=np.int64)
+        level, middle = np.empty(_STACK, dtype=np.int64), np.empty((_STACK, 2))
         spans = np.empty((_LINES, 4096, 2))
         low, high = np.empty((4, 4, 4)), np.empty((4, 4, 4))
-        shifted = np.empty_like(nets)
+        shifted, some = np.empty_like(nets), np.empty_like(nets)
+        caps, cap = np.empty((nets.shape[0], 5)), np.empty(5)
+        hides = np.zeros(nets.shape[0], dtype=np.bool_)
         for b in range(nets.shape[0]):
+            if not hiding[b]:
+                continue
             shift_net(nets[b], x, shifted[b])
+            _cap(shifted[b], caps[b])
+            for k in range(16):
+                p = shifted[b, k // 4, k % 4]
+                hides[b] = hides[b] or n[0] * p[0] + n[1] * p[1] + n[2] * p[2] > rounding
         helper = np.zeros(3)
         helper[np.argmin(np.abs(n))] = 1.0
         ex = np.cross(helper, n)
         ex /= math.sqrt(ex[0] ** 2 + ex[1] ** 2 + ex[2] ** 2)
         ey = np.cross(n, ex)
+        unseen = on[i] if blind[i] else -1
         for j in range(sources.shape[0]):
+            if unseen >= 0 and place[j] == unseen:
+                continue
             shift_net(sources[j], x, stack[0])
             level[0] = 0
+            middle[0] = 0.5
             whole = band_bound(stack[0], n, ex, ey)
             bounds[i, j] = whole
+            # What may lie before the element: for all of its sub-elements.
+            count = 0
+            reach = _cap(stack[0], cap)
+            for b in range(nets.shape[0]):
+                if not hides[b] or b == place[j] or b == unseen or caps[b, 4] > reach:
+                    continue
+                between = cap[0] * caps[b, 0] + cap[1] * caps[b, 1] + cap[2] * caps[b, 2]
+                apart = math.acos(min(1.0, max(-1.0, between)))
+                if apart <= cap[3] + caps[b, 3] + 1e-9:
+                    some[count] = shifted[b]
+                    count += 1
             top = 1
             while top > 0:
                 top -= 1
                 cell, deep = stack[top], level[top]
                 up = -1e300
+                close = place[j] == on[i]
                 for a in range(4):
                     for b in range(4):
-                        d = n[0] * cell[a, b, 0] + n[1] * cell[a, b, 1] + n[2] * cell[a, b, 2]
-                        up = max(up, d)
-                if up <= rounding:
+                        q = cell[a, b]
+                        up = max(up, n[0] * q[0] + n[1] * q[1] + n[2] * q[2])
+                        reached = q[0] ** 2 + q[1] ** 2 + q[2] ** 2
+                        close = close and reached <= (near[i] * q[3]) ** 2
+                if up <= rounding or close:
                     continue
                 bent = _sagitta(cell)
-                small = band_bound(cell, n, ex, ey) <= tolerance * whole
-                if (bent < 1e-12 and not trace) or small or deep >= 9:
+                small = band_bound(cell, n, ex, ey) <= max(tolerance * whole, least)
+                if (bent < 1e-12 and count == 0) or small or deep >= 9:
                     # The flatness test: so many chords that what they cut off is small.
                     chords = min(64, 1 + int(math.sqrt(bent / (0.1 * tolerance + 1e-12))))
                     value = max(0.0, polygon_factor(cell, n, chords))
-                    if value > 0.0 and trace:
-                        value *= visible_share(cell, shifted, place[j], 0.02, work, spans)
-                    out[i, j] += value
+                    if value > 0.0 and count > 0:
+                        value *= visible_share(cell, some[:count], near[i], 0.02, work, spans)
+                    s, t = middle[top, 0], middle[top, 1]
+                    out[i, j, 0] += value * (1.0 - s) * (1.0 - t)
+                    out[i, j, 1] += value * s * (1.0 - t)
+                    out[i, j, 2] += value * s * t
+                    out[i, j, 3] += value * (1.0 - s) * t
                     continue
                 halve_u(cell, low, high)
                 halve_v(low, stack[top], stack[top + 1])
                 halve_v(high, stack[top + 2], stack[top + 3])
+                s, t = middle[top, 0], middle[top, 1]
+                quarter = 0.25 / (1 << deep)
                 for k in range(4):
                     level[top + k] = deep + 1
+                    middle[top + k, 0] = s + (quarter if k >= 2 else -quarter)
+                    middle[top + k, 1] = t + (quarter if k % 2 else -quarter)
                 top += 4

@@ -88,6 +88,21 @@ def test_batch_goes_on_after_failures_and_keeps_what_is_done(air_step, capsys):
         assert (air_step.parent / "out" / "air" / "run.json").stat().st_mtime_ns == before
 
 
+def test_the_method_of_1993_by_command_line_scene_file_and_call(air_step, capsys, monkeypatch):
+    (air_step.parent / "s.toml").write_text(SCENE.replace("0.2", '0.5\nmethod = "nn93"'))
+    asked = []
+    monkeypatch.setattr(
+        "patchlight.pipeline.runs.simulate",
+        lambda scene, **how: asked.append(how["method"]) or simulate(scene, **how),
+    )
+    assert main(["run", "s.toml", "-o", "out"]) in (0, 3)
+    told = json.loads((air_step.parent / "out" / "run.json").read_text())
+    assert told["settings"]["method"] == "nn93"
+    assert main(["run", "s.toml", "-o", "other", "--method", "default"]) in (0, 3)
+    written = (air_step.parent / "other" / "config.resolved.toml").read_text()
+    assert asked == ["nn93", "default"] and 'method = "default"' in written
+
+
 def test_simulate_carries_requirements_and_progress():
     scene = Scene()
     scene.add(PatchSet.box((2, 2, 2), (0, 0, 1), inward=True), "room")

@@ -20,6 +20,8 @@ FULL = """\
 schema_version = 1
 title = "Büro"
 accuracy = 0.02
+basis = "biquadratic"
+balanced_mesh = true
 maintenance_factor = 0.8
 [site]
 latitude_deg = 50.1
@@ -71,10 +73,19 @@ min = 500
 """
 
 
+def test_the_method_of_1993_has_a_basis_of_its_own(folder):
+    one = FULL.replace('basis = "biquadratic"', 'method = "nn93"')
+    assert load_scene(write(folder, one)).method == "nn93"
+    both = FULL.replace("accuracy = 0.02", 'accuracy = 0.02\nmethod = "nn93"')
+    with pytest.raises(InputError, match='basis: not used together with method = "nn93"'):
+        load_scene(write(folder, both))
+
+
 def test_everything_a_scene_file_can_say(folder):
     scene = load_scene(write(folder, FULL))
     data = scene.freeze()
     assert (data.title, scene.accuracy, data.maintenance_factor) == ("Büro", 0.02, 0.8)
+    assert (scene.method, scene.basis) == ("default", "biquadratic") and scene.balanced_mesh
     assert data.site == Site(50.1, 8.7, timezone="Europe/Berlin")
     # The sky takes the position of the sun.
     assert data.sky == CIESky(

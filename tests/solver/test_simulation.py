@@ -20,7 +20,7 @@ from patchlight.solver.model import (
     ScenePart,
     Sun,
 )
-from patchlight.solver.simulation import _Simulation, estimate_seconds, solve
+from patchlight.solver.simulation import Simulation, estimate_seconds, solve
 
 from .fixtures_light import UP, Body, ceiling, grid, rows, scene, setup
 
@@ -80,7 +80,7 @@ def test_a_finer_mesh_that_does_not_fit_is_not_made(monkeypatch):
     """The errors that it would have made smaller are told all the same."""
     # Not good enough, good enough but for the mesh, and in the end still not good enough.
     verdicts = iter([False, True, False])
-    monkeypatch.setattr(_Simulation, "_converged", lambda self, sensors: next(verdicts))
+    monkeypatch.setattr(Simulation, "_converged", lambda self, sensors: next(verdicts))
     asked = []
     monkeypatch.setattr(
         "patchlight.solver.simulation.fits",

@@ -1,4 +1,4 @@
-"""Cavities and boxes: the sphere, in which all light is even, and Ward's box with and without mirror."""
+"""Cavities: the sphere, in which all light is even, and Ward's box with and without mirror."""
 
 import dataclasses
 
