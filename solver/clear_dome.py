@@ -6,8 +6,6 @@ through panes. Where panes fill their openings that rest would be the noise of b
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
 from .budget import Budget
@@ -98,7 +96,7 @@ def _seen(light: DomeLight) -> DomeLight:
 
     Panes fill their openings: cells along the edges are sampled, but no point of them is ever seen.
     """
-    some = light.factor > ROUNDING
-    return DomeLight(
-        *(np.where(some, getattr(light, f.name), 0.0) for f in fields(light)[:4]), light.counters
-    )
+    none = light.factor <= ROUNDING
+    for values in (light.illuminance, light.deviation, light.factor, light.factor_variance):
+        values[none] = 0.0
+    return light

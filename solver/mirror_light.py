@@ -94,8 +94,9 @@ class MirrorLight(Mirrors):
         with self.stages.run(stage or "mirrors"):
             jobs = dome_jobs(self.scene, asked.budget, self.bands) if sees_out else []
             for job in jobs:
-                # Elements, of which there are many, see sky and ground along rays.
-                if fine or job.name == "sun":
+                # Elements, of which there are many, see sky and ground along rays, and so does all
+                # that sees them through panes.
+                if (fine and not self.panes) or job.name == "sun":
                     found, variance = self.dome(
                         rows,
                         asked.receivers,
