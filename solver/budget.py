@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .memory import VARYING_BYTES, has_room
+from .memory import VARYING_BYTES, has_room, more_bytes
 from .mesh import divisions
 from .model.arrays import IntArray
 from .model.scene import SceneData
@@ -163,7 +163,8 @@ class Budget:
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
         large = total > MANY_ELEMENTS
-        if total > VARYING_ELEMENTS or not has_room(VARYING_BYTES * int((1.0 + MORE) * total) ** 2):
+        pair = VARYING_BYTES + 4 * scene_bytes(scene)  # four nodes see each element
+        if total > VARYING_ELEMENTS or not has_room(pair * int((1.0 + MORE) * total) ** 2):
             basis = "constant"
         nodes = NODES[basis]
         cut = int((counts.prod(axis=1) * sides)[counts.max(axis=1) > 1].sum())
@@ -231,6 +232,12 @@ class Budget:
         sensors = sum(len(grid) for grid in scene.sensors)
         pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
         return _START + cuts + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
+
+
+def scene_bytes(scene: SceneData) -> int:
+    """What mirrors and panes of a scene take besides, a pair of receiver and element. [B]"""
+    mirrors = any(float(m.mirror_bands.max()) > 0.0 for m in scene.materials)
+    return more_bytes(mirrors=mirrors, panes=bool(scene.see_through.any()))
 
 
 def _lines(accuracy: float, elements: int) -> int:

@@ -22,7 +22,7 @@ from .mesh import Boxes
 from .mesher import Mesher
 from .mirror_light import MirrorLight
 from .mirrors import Reflections
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, MatrixArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
@@ -110,6 +110,11 @@ class SensorRows:
     light: Light
     mirrored: Reflections | None
 
+    @property
+    def factors(self) -> list[MatrixArray]:
+        """Form factors (m, n) of the elements, and those by way of mirrors, if there are any."""
+        return [self.rows.factors, *([] if self.mirrored is None else [self.mirrored.rows])]
+
 
 class FieldSolver:
     """Solves a scene on meshes of different size.
@@ -177,7 +182,8 @@ class FieldSolver:
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
-            factors = factors + unknowns.evenly(mirrored.rows)
+            factors = factors.copy() if factors is rows.factors else factors
+            unknowns.add_evenly(factors, mirrored.rows)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
             system = RadiositySystem(
@@ -207,7 +213,7 @@ class FieldSolver:
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
-        weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
+        weights = weights_at([f for s in seen for f in s.factors], field.surfaces.areas)
         with self.stages.run("iterated gather"):
             finer = finer_light(field, weights, lambda some: self.light_at(some, budget, field))
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})

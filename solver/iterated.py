@@ -97,7 +97,7 @@ class Finer:
 def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
     """Importance (n,) of light from elements for sensors that see them by ``seen`` [(m, n), …].
 
-    Relative to the mean, per area; 1 everywhere without sensors.
+    Straight or by way of mirrors, each with factors of its own. Relative to the mean, per area; 1 everywhere without sensors.
     """
     total = np.zeros(len(areas))
     for factors in seen:

@@ -17,6 +17,9 @@ PAIR_BYTES = 11
 #: The same where light varies over elements: rows from four nodes (32), the factors of their
 #: sixteen pairs (64), and some of the rows anew (8).
 VARYING_BYTES = 104
+#: Bytes that a pair takes besides in scenes with mirrors, for what they show and its variance, and
+#: in scenes with panes, whose rows are put together anew.
+MIRROR_BYTES, PANE_BYTES = 8, 8
 #: Bytes of a pair once it is known: factors, and the variances of sampled ones.
 ROW_BYTES = 8
 #: The same where factors are of double precision.
@@ -35,7 +38,12 @@ SMALL_MATRIX = 1_000_000
 GB = 1e9
 
 
-def needed_bytes(elements: int, largest_grid: int = 0) -> int:
+def more_bytes(*, mirrors: bool, panes: bool) -> int:
+    """What a pair of receiver and element takes besides in some scenes. [B]"""
+    return (MIRROR_BYTES if mirrors else 0) + (PANE_BYTES if panes else 0)
+
+
+def needed_bytes(elements: int, largest_grid: int = 0, more: int = 0) -> int:
     """Memory that a mesh takes at the worst moment, packed matrices apart. [B]
 
     Parameters
@@ -44,11 +52,14 @@ def needed_bytes(elements: int, largest_grid: int = 0) -> int:
         Elements of the mesh, all of which see one another.
     largest_grid : int
         Sensors of the largest grid; they are done after the elements, while the matrix stays.
+    more : int
+        Bytes of a pair besides, by `more_bytes`.
     """
-    sensors = PAIR_BYTES * elements * largest_grid
-    if elements > DENSE_UNKNOWNS:
+    pair = PAIR_BYTES + more
+    sensors = pair * elements * largest_grid
+    if elements > DENSE_UNKNOWNS and not more:
         return BLOCK_BYTES + UNKNOWN_BYTES * elements + sensors
-    return max(PAIR_BYTES * elements**2, sensors + KEPT_BYTES * elements**2)
+    return max(pair * elements**2, sensors + KEPT_BYTES * elements**2)
 
 
 def is_packed(rows: int, columns: int) -> bool:
@@ -65,7 +76,12 @@ def packed_room(columns: int) -> int | None:
 
 
 def check_memory(
-    elements: int, largest_grid: int = 0, *, least_elements: int = 0, accuracy: float | None = None
+    elements: int,
+    largest_grid: int = 0,
+    *,
+    least_elements: int = 0,
+    accuracy: float | None = None,
+    more: int = 0,
 ) -> None:
     """Raise `OutOfMemoryError` where a mesh cannot fit, neither whole nor packed.
 
@@ -77,14 +93,18 @@ def check_memory(
         Elements that the scene has at any accuracy, one a patch and side.
     accuracy : float, optional
         What the mesh follows from, for the advice.
+    more : int
+        As in `needed_bytes`; what has mirrors or panes is not packed.
     """
     free = available_bytes()
-    need = needed_bytes(elements, largest_grid)
-    if free is None or (need <= free and elements <= DENSE_UNKNOWNS):
+    need = needed_bytes(elements, largest_grid, more)
+    if free is None or (need <= free and (more or elements <= DENSE_UNKNOWNS)):
         return
-    sensors = PAIR_BYTES * elements * largest_grid
+    sensors = (PAIR_BYTES + more) * elements * largest_grid
     rest, packed = BLOCK_BYTES + UNKNOWN_BYTES * elements + sensors, PACKED_BYTES * elements**2
     on_disk = free_on_disk()
+    if more:  # nothing is packed
+        rest, packed, on_disk = need, 0, 0
     if rest <= free and packed <= free - rest + on_disk:
         return
     advice = []
@@ -95,8 +115,8 @@ def check_memory(
     if least_elements:
         advice.append("leave out parts that do not matter for the light, to have fewer patches")
     raise OutOfMemoryError(
-        f"{elements} elements need {(rest + packed) / GB:.1f} GB of memory for their form factors, "
-        f"packed, but only {free / GB:.1f} GB are free, and {on_disk / GB:.1f} GB for temporary "
+        f"{elements} elements need {(rest + packed) / GB:.1f} GB of memory for their form factors"
+        f"{'' if more else ', packed'}, but only {free / GB:.1f} GB are free, and {on_disk / GB:.1f} GB for temporary "
         f"files in {tempfile.gettempdir()}; {'; or '.join(advice) or 'use fewer elements'}"
     )
 
@@ -133,10 +153,10 @@ def has_room(need: int) -> bool:
     return free is None or need <= free
 
 
-def fits(elements: int, largest_grid: int = 0) -> bool:
+def fits(elements: int, largest_grid: int = 0, more: int = 0) -> bool:
     """Whether a mesh can be made; see `needed_bytes`."""
     free = available_bytes()
-    need = needed_bytes(elements, largest_grid)
+    need = needed_bytes(elements, largest_grid, more)
     return free is None or need <= free
 
 

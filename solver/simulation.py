@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import VARYING_ELEMENTS, Budget
+from .budget import VARYING_ELEMENTS, Budget, scene_bytes
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -122,8 +122,14 @@ class _Simulation:
         self.budget = Budget.of(scene, accuracy)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
+        #: What mirrors and panes take besides, a pair. [B]
+        self.more = scene_bytes(scene)
         check_memory(
-            self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
+            self.budget.elements,
+            self.largest_grid,
+            least_elements=sides,
+            accuracy=accuracy,
+            more=self.more,
         )
 
     def run(self) -> Result:
@@ -202,9 +208,9 @@ class _Simulation:
 
     def _fits(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
-        if varying and not has_room(VARYING_BYTES * elements**2):
+        if varying and not has_room((VARYING_BYTES + 4 * self.more) * elements**2):
             return False
-        return fits(elements, self.largest_grid)
+        return fits(elements, self.largest_grid, self.more)
 
     def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> _Solved:
         """Light on one mesh, and at the sensors."""

@@ -190,6 +190,12 @@ class Unknowns:
         """Form factors (m, N) that see elements evenly, given those (m, n) of the elements."""
         return np.asarray(factors[:, self.element] * self._shares().astype(factors.dtype))
 
+    def add_evenly(self, factors: MatrixArray, more: MatrixArray) -> None:
+        """Add to form factors (m, N), in place, ``more`` (m, n) of evenly seen elements."""
+        for first in range(0, len(factors), BLOCK):
+            some = slice(first, first + BLOCK)
+            factors[some] += self.evenly(more[some])
+
     def mean_variance(self, values: FloatArray) -> FloatArray:
         """Variances (n,) of the means, for independent variances ``values`` (N,)."""
         return self._sum(self._shares() ** 2 * values)
