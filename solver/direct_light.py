@@ -27,6 +27,9 @@ LIFT, REACHED = 1e-5, 0.999
 class DirectLight:
     """Light of all lamps: exact unoccluded form factors, and one ray to the middle of each patch.
 
+    A convex body's own horizon is in the form factors: what its middle lies behind is not hidden
+    by the body itself.
+
     Patches of uneven lamps are cut into some pieces first.
 
     Lamps with photometric webs are taken to shine alike in all directions.
@@ -56,6 +59,8 @@ class DirectLight:
         nets = scene.patches.control_points
         self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
         self._caster = RayCaster(scene.without_panes.patches) if trace else None
+        self._solid = blockers.solid[np.minimum(boxes.patch, scene.opaque_count - 1)]
+        self._convex = blockers.bulging[self._solid] & (boxes.patch < scene.opaque_count)
         self._opaque = scene.opaque_count
         low, high = scene.patches.bounds()
         self._lift = LIFT * float(np.linalg.norm(high - low))
@@ -94,6 +99,11 @@ class DirectLight:
             start = points[row] + self._lift * normals[row]
             way = self._middles[lamp] - start
             hidden = self._caster.any_hit(start, way, t_max=REACHED)
+            doubted = np.flatnonzero(hidden & self._convex[lamp])
+            if len(doubted):
+                hits = self._caster.first_hit(start[doubted], way[doubted], t_max=REACHED)
+                own = self.blockers.solid[hits.patch] == self._solid[lamp[doubted]]
+                hidden[doubted[own]] = False
             factors[row[hidden], lamp[hidden]] = 0.0
         share = np.clip(factors, 1e-12, 1.0 - 1e-6)
         distance = np.sqrt(self._areas / np.pi * (1.0 / share - 1.0))

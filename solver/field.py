@@ -19,6 +19,7 @@ from .kernels.rows import Sources
 from .large_rows import find_packed
 from .memory import is_packed
 from .mesh import Boxes
+from .mesh_error import doubt_at
 from .mesher import Mesher
 from .mirror_light import MirrorLight
 from .mirrors import Reflections
@@ -73,8 +74,6 @@ class Field:
         Light on the unknowns.
     sent : dict of (N, b) arrays
         Reflected exitance of the unknowns by light group. [lm/m²]
-    misplaced : float
-        Share of the reflected light that the elements have in the wrong place.
     """
 
     surfaces: Surfaces
@@ -87,7 +86,6 @@ class Field:
     sees_out: bool
     arriving: Gathered
     sent: dict[str, FloatArray]
-    misplaced: float = 0.0
 
     @property
     def all_sent(self) -> FloatArray:
@@ -158,8 +156,8 @@ class FieldSolver:
         )
         self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
-    def solve(self, budget: Budget, boxes: Boxes, misplaced: float = 0.0) -> Field:
-        """Solve on elements over ``boxes``, which have that share of reflected light misplaced."""
+    def solve(self, budget: Budget, boxes: Boxes) -> Field:
+        """Solve on elements over ``boxes``."""
         with self.stages.run("elements"):
             elements = self.mesher.elements(budget, boxes)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
@@ -208,16 +206,32 @@ class FieldSolver:
             sees_out=sees_out,
             arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
             sent=sent,
-            misplaced=misplaced,
         )
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
         weights = weights_at([f for s in seen for f in s.factors], field.surfaces.areas)
+        flux = self._flux_of_lamps(field)
         with self.stages.run("iterated gather"):
-            finer = finer_light(field, weights, lambda some: self.light_at(some, budget, field))
+            finer = finer_light(
+                field, weights, lambda some: self.light_at(some, budget, field), flux, budget.eps
+            )
+        self.stages.figures["lamp_flux_put_right"] = finer.put_right
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
+
+    def _flux_of_lamps(self, field: Field) -> dict[str, FloatArray]:
+        """What lamps (b,) send to the scene, by light group, where form factors alone tell. [lm]"""
+        if self.panes.any or self.mirrors.any:
+            return {}
+        surfaces, scene = field.surfaces, self.scene
+        kept = surfaces.areas * field.unknowns.mean(field.kept)
+        other = {lamp.group for lamp in scene.luminaires if lamp.web or lamp.profile}
+        return {
+            group: kept @ surfaces.emitted_by(scene, group)
+            for group in self.lamp_groups
+            if group not in other
+        }
 
     def light_at(self, some: Unknowns, budget: Budget, field: Field) -> tuple[Gathered, FloatArray]:
         """Light at other points of the surfaces, found as that of the unknowns is.
@@ -264,7 +278,7 @@ class FieldSolver:
     def gather(
         self, grid: Sensors, seen: SensorRows, field: Field, finer: Finer
     ) -> tuple[Gathered, FloatArray]:
-        """Light at sensors, and by how much (m,) the finer light changed the indirect part. [lx]"""
+        """Light at sensors, and how far (m,) its indirect part may be wrong by the mesh. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
             found = gathered(seen.rows, seen.mirrored, asked, finer.unknowns, columns)
@@ -273,7 +287,9 @@ class FieldSolver:
         variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
         light = Gathered.of(seen.light, indirect, variance)
         light = self.highlights.added(light, grid, seen.rows, field, finer, asked.budget)
-        return light, np.abs(luminous(change))
+        elements = field.surfaces.elements
+        doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change))
+        return light, doubt
 
     def _sees_out(self, rows: Rows, lit: NDArray[np.bool_]) -> bool:
         """Whether light may leave the scene from ``lit`` rows, beyond what sampling explains."""
@@ -288,6 +304,15 @@ class FieldSolver:
             leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
         return bool(leaves.any())
 
+    @property
+    def _box_area(self) -> float:
+        """Surface of the box about all patches and sensors. [m²]"""
+        ends = [self.scene.patches.bounds(), *((g.points, g.points) for g in self.scene.sensors)]
+        low = np.min([np.min(np.atleast_2d(a), axis=0) for a, _ in ends], axis=0)
+        high = np.max([np.max(np.atleast_2d(b), axis=0) for _, b in ends], axis=0)
+        x, y, z = high - low
+        return float(2.0 * (x * y + y * z + z * x))
+
     def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
         """Elements as sources, and how far their facets leave them.
 
@@ -296,13 +321,15 @@ class FieldSolver:
         """
         elements = self.panes.opaque(surfaces.elements)
         emitted, areas = (a[: len(elements)] for a in (luminous(surfaces.emitted), surfaces.areas))
-        mean = float(emitted @ areas) / float(areas.sum())
+        # What all there is would get of the lamps' light, or a box about it where most escapes.
+        mean = float(emitted @ areas) / max(float(areas.sum()), self._box_area)
+        dim = np.minimum(mean / np.maximum(emitted, max(mean, 1e-300)), 1.0)
         cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
         cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
         nets = self.scene.patches.control_points
         if not self.trace:
-            sources = make_sources(elements, nets, cell_eps)
+            sources = make_sources(elements, nets, cell_eps, dim=dim)
             return sources, np.zeros(len(surfaces.elements))
         facets, lifts = make_facets(elements, nets, self.blockers.closed, self.blockers.solid)
         bright = emitted > BRIGHT * mean
@@ -312,7 +339,7 @@ class FieldSolver:
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
-        sources = make_sources(elements, nets, cell_eps, scan)
+        sources = make_sources(elements, nets, cell_eps, scan, dim)
         return sources, self.panes.lifts(lifts, surfaces.elements)
 
 

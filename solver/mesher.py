@@ -58,7 +58,6 @@ class Mesher:
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self._containment = Containment(scene) if tester is None else tester
-        self._refiner: Refiner | None = None
 
     def elements(self, budget: Budget, boxes: Boxes) -> Elements:
         """Elements over ``boxes``."""
@@ -72,11 +71,8 @@ class Mesher:
         )
         return replace(elements, buried=buried.reshape(elements.weights.shape))
 
-    def boxes(self, budget: Budget) -> tuple[Boxes, float]:
-        """Boxes of the size that ``budget`` asks for, or smaller.
-
-        Also the share of the reflected light that elements over them have in the wrong place.
-        """
+    def boxes(self, budget: Budget) -> Boxes:
+        """Boxes of the size that ``budget`` asks for, or smaller."""
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
         if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
@@ -86,32 +82,26 @@ class Mesher:
             self.stages.count({"elements_added_for_profiles": added})
         lamps = int((self.scene.luminaire_index >= 0).sum())
         if lamps == 0:
-            return boxes, 0.0
+            return boxes
         if most <= len(boxes) or not fits(most):
             self.stages.skipped["refinement"] = (
                 f"the mesh has {len(boxes)} elements, as many as it may"
                 if most <= len(boxes)
                 else f"the memory that is free does not hold {most} elements"
             )
-            return boxes, 0.0
+            return boxes
         if lamps > max(MANY_LAMPS, len(boxes) // 5):
             # To look at 20 points of each element would cost more than the form factors.
             self.stages.skipped["refinement"] = (
                 f"{lamps} shining patches light {len(boxes)} elements"
             )
-            return boxes, 0.0
+            return boxes
         light = DirectLight(self.scene, self.blockers, trace=self.trace)
         rho = reflectances(self.scene)
-        self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
-        cut, misplaced = self._refiner.refine(boxes, budget.misplaced, most)
+        refiner = Refiner(self.scene.patches, rho, light, budget.distance)
+        cut, _ = refiner.refine(boxes, budget.misplaced, most)
         self.stages.count({"elements_added": len(cut) - len(boxes)})
-        return cut, misplaced
-
-    def misplaced(self, boxes: Boxes, otherwise: float) -> float:
-        """Share of the reflected light in the wrong place on ``boxes``, where that is known."""
-        if self._refiner is None:
-            return otherwise
-        return self._refiner.refine(boxes, 1.0, len(boxes))[1]
+        return cut
 
     def cut(self, boxes: Boxes, wrong: FloatArray, budget: Budget) -> Boxes:
         """Halve the boxes that hold most of what is ``wrong`` (n, 2), where it varies most.

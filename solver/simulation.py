@@ -17,7 +17,7 @@ from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import PAIR_BYTES, VARYING_BYTES, check_memory, fits, has_room
 from .mesh import Boxes
-from .mesh_error import MeshError
+from .mesh_error import MeshError, doubt_on
 from .mesh_sample import sampled_misplaced
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
@@ -155,7 +155,7 @@ class _Simulation:
         images = self._images(field, finer, solver)
         self._warn_dark(sensors, light.luminous())
         stages.warnings.extend(ledger_warning(solved.balance))
-        on_elements = solved.error.of(light, finer.shift)
+        on_elements = solved.error.of(light, doubt_on(field, finer))
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
@@ -188,8 +188,8 @@ class _Simulation:
 
     def _solved(self, solver: FieldSolver) -> _Solved:
         """Light on the mesh of the budget, cut further where its error is too large."""
-        boxes, misplaced = solver.mesher.boxes(self.budget)
-        solved = self._on(solver, boxes, misplaced)
+        boxes = solver.mesher.boxes(self.budget)
+        solved = self._on(solver, boxes)
         for _ in range(REFINEMENTS):
             if self._converged(solved.sensors) or not self._converged(solved.without_mesh):
                 break  # it is good enough, or not for the mesh that it is not
@@ -202,8 +202,8 @@ class _Simulation:
                     f"free does not hold {len(finer)}"
                 )
                 break
-            boxes, misplaced = finer, solver.mesher.misplaced(finer, misplaced)
-            solved = self._on(solver, boxes, misplaced)
+            boxes = finer
+            solved = self._on(solver, boxes)
         return solved
 
     def _fits(self, elements: int) -> bool:
@@ -212,28 +212,25 @@ class _Simulation:
             return False
         return fits(elements, self.largest_grid, self.more)
 
-    def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> _Solved:
+    def _on(self, solver: FieldSolver, boxes: Boxes) -> _Solved:
         """Light on one mesh, and at the sensors."""
         budget = self.budget
-        field = solver.solve(budget, boxes, misplaced)
+        field = solver.solve(budget, boxes)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
-        everywhere = False
+        misplaced = None
         if budget.is_large or not _has_room_for_pieces(field):
-            # Light of any source is known to be in the wrong place.
-            misplaced, everywhere = sampled_misplaced(solver, budget, field), True
+            misplaced = sampled_misplaced(solver, budget, field)
             self.stages.figures["sampled_misplaced_flux"] = misplaced
             self.stages.skipped["iterated gather"] = (
                 f"{len(boxes)} elements: light is looked at more closely on some of them instead"
             )
-        finer = as_it_is(field) if everywhere else solver.finer(field, budget, seen)
+        finer = solver.finer(field, budget, seen) if misplaced is None else as_it_is(field)
         balance = self._balance(field, finer, solver)
-        lamps = solver.lamp_groups
-        lacking = abs(balance.residual_fraction)
-        error = MeshError(misplaced, lacking, finer.unseen, None if everywhere else tuple(lamps))
+        error = MeshError.of_finer(finer, misplaced or 0.0, abs(balance.residual_fraction))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
-            gathered, change = solver.gather(grid, seen[k], field, finer)
-            sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, change))
+            gathered, doubt = solver.gather(grid, seen[k], field, finer)
+            sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, doubt))
             without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
         return _Solved(field, finer, balance, error, sensors, without_mesh)
 
