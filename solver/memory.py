@@ -114,10 +114,11 @@ def check_memory(
         advice.append(f"ask for less accuracy, a larger number than {accuracy:g}")
     if least_elements:
         advice.append("leave out parts that do not matter for the light, to have fewer patches")
+    how, what = "" if more else ", packed", "; or ".join(advice) or "use fewer elements"
     raise OutOfMemoryError(
-        f"{elements} elements need {(rest + packed) / GB:.1f} GB of memory for their form factors"
-        f"{'' if more else ', packed'}, but only {free / GB:.1f} GB are free, and {on_disk / GB:.1f} GB for temporary "
-        f"files in {tempfile.gettempdir()}; {'; or '.join(advice) or 'use fewer elements'}"
+        f"{elements} elements need {(rest + packed) / GB:.1f} GB of memory for their form "
+        f"factors{how}, but only {free / GB:.1f} GB are free, and {on_disk / GB:.1f} GB for "
+        f"temporary files in {tempfile.gettempdir()}; {what}"
     )
 
 
