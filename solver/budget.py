@@ -130,8 +130,8 @@ class Budget:
         if len(scene.patches) > MAX_ELEMENTS:
             # What is large holds many rooms, or a low one: as fine as the number of elements lets.
             middle = max(float(extent[0]), middle / MANY_ROOMS)
-        if scene.glazings:
-            basis = "constant"  # what passes panes, and what they scatter, is known by elements
+        if any(glazing.glass.diffuse > 0.0 for glazing in scene.glazings):
+            basis = "constant"  # what panes scatter is known by elements
         # The error of constant exitance falls with the square of the size, of varying one faster.
         size = 0.25 * middle * (accuracy / 0.02) ** (1.0 / 3.0)
         if basis == "constant":

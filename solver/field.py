@@ -57,7 +57,9 @@ class Field:
     surfaces : Surfaces
         The elements and their optical state.
     sources : Sources
-        The elements as the kernels see them.
+        The elements as the kernels see them, those of panes apart.
+    every : Sources
+        All of them, to divide their form factors among the unknowns.
     lifts : (n,) array
         How far facets may lie before them. [m]
     unknowns : Unknowns
@@ -78,6 +80,7 @@ class Field:
 
     surfaces: Surfaces
     sources: Sources
+    every: Sources
     lifts: FloatArray
     unknowns: Unknowns
     system: RadiositySystem
@@ -175,8 +178,10 @@ class FieldSolver:
                 rows = self._factors.rows(asked, tell)
                 sees_out = self._sees_out(rows, unknowns.areas > 0.0)
                 raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
-                rows = self.panes.complete(rows, asked, elements, surfaces.areas, mesh=True)
-            factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
+                mesh = unknowns.basis is None
+                rows = self.panes.complete(rows, asked, elements, surfaces.areas, mesh=mesh)
+            every = self.panes.with_panes(sources, elements)
+            factors = unknowns.factors(rows, asked.receivers, every, budget.moments)
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
@@ -198,6 +203,7 @@ class FieldSolver:
         return Field(
             surfaces=surfaces,
             sources=sources,
+            every=every,
             lifts=lifts,
             unknowns=unknowns,
             system=system,
@@ -244,7 +250,9 @@ class FieldSolver:
         rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
         mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out)
-        indirect = gathered(rows, mirrored, asked, field.unknowns, [*field.sent.values()])
+        indirect = gathered(
+            rows, mirrored, asked, field.every, field.unknowns, [*field.sent.values()]
+        )
         variance = variance_of(rows, mirrored, luminous(field.exitance_told))
         found = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
         return found, self.mirrors.kept(rows, mirrored, field.surfaces)
@@ -281,7 +289,7 @@ class FieldSolver:
         """Light at sensors, and how far (m,) its indirect part may be wrong by the mesh. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
-            found = gathered(seen.rows, seen.mirrored, asked, finer.unknowns, columns)
+            found = gathered(seen.rows, seen.mirrored, asked, field.every, finer.unknowns, columns)
         *parts, change = found
         indirect = dict(zip(finer.sent, parts, strict=True))
         variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
@@ -347,12 +355,13 @@ def gathered(
     rows: Rows,
     mirrored: Reflections | None,
     asked: Ask,
+    sources: Sources,
     unknowns: Unknowns,
     sent: list[FloatArray],
 ) -> list[FloatArray]:
     """Light (m, b), straight and by mirrors, of each of ``sent`` (N, b) by the unknowns."""
     columns = np.concatenate(sent, axis=1)
-    how = (asked.receivers, asked.sources, asked.budget.moments)
+    how = (asked.receivers, sources, asked.budget.moments)
     found = unknowns.gather(rows, *how, columns)
     if mirrored is not None:
         found = found + multiplied(mirrored.rows, unknowns.mean(columns))

@@ -74,7 +74,8 @@ class PaneRows:
         areas : (n,) array
             Areas of the elements that take part. [m²]
         mesh : bool
-            Whether the receivers are the elements.
+            Whether the receivers are the elements, each as a whole: reciprocity then tells what
+            panes send.
         """
         count = rows.factors.shape[1]
         opaque, glass = np.arange(count), np.arange(count, len(elements))

@@ -141,7 +141,7 @@ class _Simulation:
             stages.warnings.extend(check_placement(scene, tester))
         self._say_skipped(blockers)
         if self.budget.basis == "constant" and self.budget.elements <= VARYING_ELEMENTS:
-            if not scene.glazings:
+            if all(glazing.glass.diffuse == 0.0 for glazing in scene.glazings):
                 stages.warnings.append(
                     "exitance is taken for constant on every element: the memory that is free does "
                     f"not hold more for {self.budget.elements} elements"
@@ -274,7 +274,7 @@ class _Simulation:
         balance = solver.panes.in_ledger(
             balance,
             surfaces,
-            field.system.factors,
+            lambda rows: field.unknowns.of_whole(field.system.factors, rows),
             surfaces.diffuse + finer.reflected,
             finer.light.components,
         )

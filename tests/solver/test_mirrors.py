@@ -244,12 +244,11 @@ def test_without_visibility_nothing_hides_in_mirrors(curved):
 
 
 def test_what_sensors_see_in_mirrors_matters():
-    """A sensor looks at a mirror wall only; the wall behind it counts by what is seen of it."""
+    """A sensor looks at a mirror wall; the wall behind it counts by what is seen of it there."""
     one, wall = room_parts(0.0, 4.0, [(1.0, 1.5)])
     made = [Material(0.5)] * 6 + [BLACK]
     made[wall] = Material(0.0, mirror=0.9)
-    # So close to the mirror that it sees nothing else.
-    sensors = [grid("g", [(0.02, 0.0, 0.0)], (-1, 0, 0))]
+    sensors = [grid("g", [(0.5, 0.0, 0.0)], (-1, 0, 0))]
     data = with_materials(one, made, lamps=[(6, "lamp", 1000.0)], sensors=sensors)
     stages = Stages()
     solver = FieldSolver(data, one.blockers, trace=True, stages=stages)
