@@ -6,6 +6,8 @@ through panes. Where panes fill their openings that rest would be the noise of b
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .budget import Budget
@@ -96,7 +98,15 @@ def _seen(light: DomeLight) -> DomeLight:
 
     Panes fill their openings: cells along the edges are sampled, but no point of them is ever seen.
     """
-    none = light.factor <= ROUNDING
-    for values in (light.illuminance, light.deviation, light.factor, light.factor_variance):
-        values[none] = 0.0
-    return light
+    some = light.factor > ROUNDING
+
+    def only(values: FloatArray) -> FloatArray:
+        return np.where(some, values, 0.0)
+
+    return replace(
+        light,
+        illuminance=only(light.illuminance),
+        deviation=only(light.deviation),
+        factor=only(light.factor),
+        factor_variance=only(light.factor_variance),
+    )

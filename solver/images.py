@@ -253,7 +253,7 @@ class Window:
     @cached_property
     def open(self) -> Blockers | None:
         """What hides light from infinity, were there nothing in the plane; None for nothing."""
-        return self._blockers(self.net[:0]) if self.count and self.trace else None
+        return self._blockers(self.net[None][:0]) if self.count and self.trace else None
 
     @cached_property
     def shut(self) -> Blockers:

@@ -41,6 +41,8 @@ ROWS, SHARE = 4096, 1.0
 LEAST = 0.05
 #: Worth of light that is absorbed, which counts in the flux ledger alone, against what is sent on.
 ABSORBED = 0.1
+#: What elements chosen for the present light may be worth, against those of a run before it.
+AS_GOOD = 1.15
 #: Importance of light anywhere for what the sensors get, against the mean of what they see.
 ANYWHERE = 0.3
 
@@ -69,6 +71,8 @@ class Finer:
         Change of the mean illuminance of the elements. [lx]
     residual : (n, 2) array
         Flux of |r| of each element times its importance, parted by how r varies along u and v.
+    halved : (c,) int array
+        Elements that were halved.
     unseen : float
         What was not looked at, against what was: the change is that much larger.
     put_right : float
@@ -84,6 +88,7 @@ class Finer:
     spread: FloatArray
     shift: FloatArray
     residual: FloatArray
+    halved: IntArray
     unseen: float
     put_right: float
 
@@ -118,7 +123,12 @@ def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
 
 
 def finer_light(
-    field: Field, weights: FloatArray, gather: Gather, flux: dict[str, FloatArray], eps: float
+    field: Field,
+    weights: FloatArray,
+    gather: Gather,
+    flux: dict[str, FloatArray],
+    eps: float,
+    before: IntArray | None = None,
 ) -> Finer:
     """The light of ``field`` on halved elements.
 
@@ -134,8 +144,10 @@ def finer_light(
         What lamps send to the scene, by light group, where that is known. [lm]
     eps : float
         Accuracy of form factors.
+    before : (c,) int array, optional
+        Elements halved in a run before this one: they are again unless others matter more.
     """
-    chosen, unseen = _chosen(field, weights)
+    chosen, unseen = _chosen(field, weights, before)
     if not len(chosen):
         return as_it_is(field)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
@@ -143,15 +155,15 @@ def finer_light(
     lift = Lift.of(unknowns, fine, chosen)
     some = lift.new.ravel()
     arriving, sums = gather(fine.take(some))
-    before = {name: lift(values) for name, values in field.arriving.components.items()}
-    components = {name: values.copy() for name, values in before.items()}
+    told = {name: lift(values) for name, values in field.arriving.components.items()}
+    components = {name: values.copy() for name, values in told.items()}
     for name, values in arriving.components.items():
         components[name][some] = values
     shares = [0.0]
     for group, sent_on in flux.items():
         name = f"{group}.direct"
         components[name], share = put_right(
-            components[name], before[name], fine.areas, lift.new, sent_on, eps
+            components[name], told[name], fine.areas, lift.new, sent_on, eps
         )
         shares.append(abs(share))
     lifted = {group: lift(values) for group, values in field.sent.items()}
@@ -167,7 +179,7 @@ def finer_light(
         moved = rest[group] + products(field.system.factors, more)
         components[f"{group}.indirect"] += lift(moved)
     change = np.asarray(sum(sent[group] - lifted[group] for group in sent))
-    shift = np.asarray(sum(components[name] - before[name] for name in components))
+    shift = np.asarray(sum(components[name] - told[name] for name in components))
     variance = lift(field.arriving.deviation**2)
     variance[some] = arriving.deviation**2
     kept = lift(field.kept)
@@ -184,6 +196,7 @@ def finer_light(
         spread=np.sqrt(np.maximum(fine.mean(altered**2) - moved**2, 0.0)),
         shift=np.abs(fine.mean(luminous(shift))),
         residual=_residual(altered, fine, lift, chosen) * weights[:, None],
+        halved=chosen,
         unseen=unseen,
         put_right=max(shares),
     )
@@ -203,12 +216,15 @@ def as_it_is(field: Field) -> Finer:
         spread=zero,
         shift=zero,
         residual=np.zeros((n, 2)),
+        halved=np.empty(0, dtype=np.int64),
         unseen=0.0,
         put_right=0.0,
     )
 
 
-def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
+def _chosen(
+    field: Field, weights: FloatArray, before: IntArray | None = None
+) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
     sent, arriving = luminous(field.all_sent), field.arriving.luminous()
@@ -224,10 +240,12 @@ def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
     order = np.argsort(-worth, kind="stable")
     order = order[(worth > 0.0)[order] & ~whole[order]]
     count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
-    seen = float(worth[order[:count]].sum())
+    chosen, total = np.sort(order[:count]), float(worth.sum())
+    if before is not None and worth[chosen].sum() <= AS_GOOD * worth[before].sum():
+        chosen = before
+    seen = float(worth[chosen].sum())
     # What cannot be halved is left out like what there is no room for.
-    left = float(worth[order[count:]].sum() + worth[whole].sum())
-    return np.sort(order[:count]), left / seen if seen > 0.0 else 0.0
+    return chosen, max(total - seen, 0.0) / seen if seen > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,16 +8,17 @@ import numpy as np
 
 from .budget import Budget
 from .containment import Containment
-from .direct_light import DirectLight
 from .horizon_lines import with_lines
+from .kept_light import KeptLight
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.scene import SceneData
 from .profile_mesh import with_profiles
-from .refinement import Refiner
+from .refinement import Looked, Refiner
+from .reuse import Kept, Mesh
 from .stages import Stages
 from .surfaces import reflectances
 
@@ -45,6 +46,8 @@ class Mesher:
         Receives counters.
     tester : Containment, optional
         Of the scene; made here where there is none yet.
+    kept : Kept, optional
+        What runs before this one have found; nothing when not given.
     """
 
     def __init__(
@@ -55,9 +58,12 @@ class Mesher:
         trace: bool,
         stages: Stages,
         tester: Containment | None = None,
+        kept: Kept | None = None,
     ) -> None:
+        self.kept = Kept(scene, stages=stages) if kept is None else kept
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self._containment = Containment(scene) if tester is None else tester
+        self._refiner: Refiner | None = None
 
     def elements(self, budget: Budget, boxes: Boxes) -> Elements:
         """Elements over ``boxes``."""
@@ -71,8 +77,11 @@ class Mesher:
         )
         return replace(elements, buried=buried.reshape(elements.weights.shape))
 
-    def boxes(self, budget: Budget) -> Boxes:
-        """Boxes of the size that ``budget`` asks for, or smaller."""
+    def boxes(self, budget: Budget) -> tuple[Boxes, float]:
+        """Boxes of the size that ``budget`` asks for, or smaller.
+
+        Also the share of the reflected light that elements over them have in the wrong place.
+        """
         boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
         most = budget.most_elements
         if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
@@ -82,26 +91,60 @@ class Mesher:
             self.stages.count({"elements_added_for_profiles": added})
         lamps = int((self.scene.luminaire_index >= 0).sum())
         if lamps == 0:
-            return boxes
+            return boxes, 0.0
         if most <= len(boxes) or not fits(most):
             self.stages.skipped["refinement"] = (
                 f"the mesh has {len(boxes)} elements, as many as it may"
                 if most <= len(boxes)
                 else f"the memory that is free does not hold {most} elements"
             )
-            return boxes
+            return boxes, 0.0
         if lamps > max(MANY_LAMPS, len(boxes) // 5):
             # To look at 20 points of each element would cost more than the form factors.
             self.stages.skipped["refinement"] = (
                 f"{lamps} shining patches light {len(boxes)} elements"
             )
-            return boxes
-        light = DirectLight(self.scene, self.blockers, trace=self.trace)
-        rho = reflectances(self.scene)
-        refiner = Refiner(self.scene.patches, rho, light, budget.distance)
-        cut, _ = refiner.refine(boxes, budget.misplaced, most)
+            return boxes, 0.0
+        cut, misplaced = self._refine_by(budget).refine(boxes, budget.misplaced, most)
         self.stages.count({"elements_added": len(cut) - len(boxes)})
-        return cut
+        return cut, misplaced
+
+    def _refine_by(self, budget: Budget) -> Refiner:
+        if self._refiner is None:
+            light = KeptLight(self.scene, self.blockers, trace=self.trace, kept=self.kept)
+            rho = reflectances(self.scene)
+            self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
+        return self._refiner
+
+    @property
+    def looked(self) -> Looked | None:
+        """Light of the lamps on the last mesh; None where none was looked at."""
+        return None if self._refiner is None else self._refiner.looked
+
+    def lamps(self, budget: Budget) -> tuple[IntArray, FloatArray]:
+        """Lamps of the sides (p, 2) of all patches, and exitances of their pieces. [lm/m²]"""
+        index = self.scene.luminaire_index
+        if not (index >= 0).any():
+            return index, np.empty(0)
+        return index, self._refine_by(budget).light.exitances
+
+    def misplaced_again(self, mesh: Mesh, budget: Budget) -> float:
+        """Share of the reflected light in the wrong place on the mesh of a run before this one."""
+        if with_profiles(mesh.boxes, self.scene, budget, trace=self.trace)[1]:
+            return np.inf  # it was made for lamps that are more even
+        if mesh.looked is None:
+            return 0.0
+        refiner, (index, levels) = self._refine_by(budget), self.lamps(budget)
+        known, now = (*mesh.lamps, mesh.nets), (index, levels, self.scene.patches.control_points)
+        if all(np.array_equal(a, b) for a, b in zip(known, now, strict=True)):
+            return refiner.again(mesh.boxes, mesh.looked)
+        return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
+
+    def misplaced(self, boxes: Boxes, otherwise: float) -> float:
+        """Share of the reflected light in the wrong place on ``boxes``, where that is known."""
+        if self._refiner is None:
+            return otherwise
+        return self._refiner.refine(boxes, 1.0, len(boxes))[1]
 
     def cut(self, boxes: Boxes, wrong: FloatArray, budget: Budget) -> Boxes:
         """Halve the boxes that hold most of what is ``wrong`` (n, 2), where it varies most.

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from .dome_jobs import dome_jobs
+from .dome_jobs import DomeJob, dome_jobs
 from .exchange import Rows, products
 from .kernels.pyramid import Blockers
 from .mirrors import Mirrors, Reflections
@@ -14,8 +14,8 @@ from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky
+from .reuse import Kept
 from .row_finder import Ask
-from .stages import Stages
 from .surfaces import Surfaces
 from .web_field import WebField
 
@@ -42,8 +42,8 @@ class MirrorLight(Mirrors):
         Bands of light.
     trace : bool
         Whether anything can hide anything.
-    stages : Stages
-        Receives times, counters and warnings.
+    kept : Kept
+        What runs before this one have found, and the stages: times, counters and warnings.
     """
 
     def __init__(
@@ -54,10 +54,10 @@ class MirrorLight(Mirrors):
         bands: int,
         *,
         trace: bool,
-        stages: Stages,
+        kept: Kept,
     ) -> None:
-        super().__init__(scene, blockers, trace=trace, stages=stages)
-        self.webs, self.bands = webs, bands
+        super().__init__(scene, blockers, trace=trace, stages=kept.stages)
+        self.webs, self.bands, self._kept = webs, bands, kept
 
     def add(
         self,
@@ -97,22 +97,12 @@ class MirrorLight(Mirrors):
                 # Elements, of which there are many, see sky and ground along rays, and so does all
                 # that sees them through panes.
                 if (fine and not self.panes) or job.name == "sun":
-                    found, variance = self.dome(
-                        rows,
-                        asked.receivers,
-                        surfaces,
-                        job.cells,
-                        job.luminance,
-                        sun=self.scene.sun if job.name == "sun" else None,
-                        # Edges of parts of the sun's disc cancel to little of themselves.
-                        eps=1e-9 if job.name == "sun" else asked.budget.eps,
-                        cell_eps=job.cell_eps,
-                    )
+                    found, variance = self._dome(job, rows, surfaces, asked)
                     light.direct[job.name] = light.direct[job.name] + found[:, None] * job.color
                     light.variance += variance
             self._add_webs(light, rows, surfaces, asked, fine)
             self._add_uneven(light, rows, surfaces, asked, fine)
-            seen = self.reflect(rows, surfaces, asked, fine=fine)
+            seen = self._reflect(rows, surfaces, asked, fine)
             emitted, lamp = surfaces.emitted[seen.emits], surfaces.lamp[seen.emits]
             for group in dict.fromkeys(one.group for one in self.scene.luminaires):
                 rows_of = [k for k, one in enumerate(self.scene.luminaires) if one.group == group]
@@ -129,6 +119,41 @@ class MirrorLight(Mirrors):
                     )
                     light.variance += level**2 * variance
         return seen
+
+    def _dome(
+        self, job: DomeJob, rows: Rows, surfaces: Surfaces, asked: Ask
+    ) -> tuple[FloatArray, FloatArray]:
+        """Light of the sun, the sky or the ground in flat mirrors; see `Mirrors.dome`."""
+        sun = self.scene.sun if job.name == "sun" else None
+
+        def find() -> tuple[FloatArray, FloatArray]:
+            return self.dome(
+                rows,
+                asked.receivers,
+                surfaces,
+                job.cells,
+                job.luminance,
+                sun=sun,
+                # Edges of parts of the sun's disc cancel to little of themselves.
+                eps=1e-9 if job.name == "sun" else asked.budget.eps,
+                cell_eps=job.cell_eps,
+            )
+
+        of = (job.name, job.cells, job.luminance, job.cell_eps, sun, self.shares)
+        return self._kept.of_rows("mirrored dome", rows, of, find)
+
+    def _reflect(self, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool) -> Reflections:
+        """What is seen in mirrors, which depends on no paint and on which lamps are alike."""
+        emits = np.flatnonzero(surfaces.emitted.any(axis=1))
+        light = np.concatenate([surfaces.emitted, surfaces.lamp[:, None]], axis=1)[emits]
+        _, first, alike = np.unique(light, axis=0, return_index=True, return_inverse=True)
+        alike = first[alike.reshape(-1)]
+        sky = self.scene.sky
+        kinds = surfaces.web[emits], surfaces.uneven[emits]
+        of = (self.shares, emits, alike, *kinds, sky, fine)
+        return self._kept.of_rows(
+            "mirrors", rows, of, lambda: self.reflect(rows, surfaces, asked, fine=fine)
+        )
 
     def _add_webs(
         self, light: Direct, rows: Rows, surfaces: Surfaces, asked: Ask, fine: bool

@@ -24,6 +24,7 @@ from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .packed import PackedMatrix
 from .placement import check_placement
+from .reuse import STORE, Kept, Mesh, forget
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
@@ -45,6 +46,7 @@ def solve(
     visibility: str = "auto",
     progress: Progress | None = None,
     threads: int | None = None,
+    cache: bool = False,
 ) -> Result:
     """Solve a frozen scene.
 
@@ -61,6 +63,9 @@ def solve(
         Called as ``progress(stage, done, total)``.
     threads : int, optional
         Threads of the kernels; all cores when not given. The numbers do not depend on it.
+    cache : bool
+        Whether to take what earlier runs of this process found, as far as it holds for this scene,
+        and to keep what this one finds; see `reuse`.
 
     Returns
     -------
@@ -88,7 +93,7 @@ def solve(
         raise GeometryError("the scene has no surfaces but panes of glass")
     previous = None if threads is None else _set_threads(threads)
     try:
-        return _Simulation(scene, accuracy, visibility, Stages(progress)).run()
+        return _Simulation(scene, accuracy, visibility, Stages(progress), cache=cache).run()
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -115,15 +120,22 @@ class _Solved:
 class _Simulation:
     """One run; each method is a stage."""
 
-    def __init__(self, scene: SceneData, accuracy: float, visibility: str, stages: Stages) -> None:
+    def __init__(
+        self, scene: SceneData, accuracy: float, visibility: str, stages: Stages, *, cache: bool
+    ) -> None:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
+        self.store = STORE if cache else None
+        self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.budget = Budget.of(scene, accuracy)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
         #: What mirrors and panes take besides, a pair. [B]
         self.more = scene_bytes(scene)
+        if len(STORE) and not self._is_roomy():
+            forget()  # what is kept may be found again
+            self.budget = Budget.of(scene, accuracy)
         check_memory(
             self.budget.elements,
             self.largest_grid,
@@ -132,13 +144,22 @@ class _Simulation:
             more=self.more,
         )
 
+    def _is_roomy(self) -> bool:
+        """Whether memory sets no bound to the mesh that is asked for."""
+        budget = self.budget
+        panes = any(glazing.glass.diffuse > 0.0 for glazing in self.scene.glazings)
+        varying = budget.basis != "constant" or panes or budget.elements > VARYING_ELEMENTS
+        return varying and fits(budget.elements, self.largest_grid, self.more)
+
     def run(self) -> Result:
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
+            kept = Kept(scene, stages=stages, store=self.store)
             opaque = scene.without_panes
-            blockers = make_blockers(opaque.patches, opaque.closed, opaque.patches.part_index)
+            solids = opaque.patches, opaque.closed, opaque.patches.part_index
+            blockers = kept.find("blockers", (), lambda: make_blockers(*solids))
             tester = Containment(scene)
-            stages.warnings.extend(check_placement(scene, tester))
+            stages.warnings.extend(self._remarks(kept, tester))
         self._say_skipped(blockers)
         if self.budget.basis == "constant" and self.budget.elements <= VARYING_ELEMENTS:
             if all(glazing.glass.diffuse == 0.0 for glazing in scene.glazings):
@@ -147,14 +168,18 @@ class _Simulation:
                     f"not hold more for {self.budget.elements} elements"
                 )
         trace = "visibility" not in stages.skipped
-        solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester)
-        solved = self._solved(solver)
+        kept = kept.with_more(trace)
+        solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester, kept=kept)
+        solved = self._solved(solver, kept)
+        kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
         light = finer.light
         images = self._images(field, finer, solver)
         self._warn_dark(sensors, light.luminous())
         stages.warnings.extend(ledger_warning(solved.balance))
+        converged = self._converged(sensors)
+        self._keep_mesh(solver, kept, solved, converged=converged)
         on_elements = solved.error.of(light, doubt_on(field, finer))
         return Result(
             scene=scene,
@@ -176,7 +201,7 @@ class _Simulation:
                 "bands": solver.bands,
             },
             warnings=tuple(stages.warnings),
-            converged=self._converged(sensors),
+            converged=converged,
         )
 
     def _count(self, field: Field) -> None:
@@ -186,9 +211,23 @@ class _Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(self, solver: FieldSolver) -> _Solved:
+    def _solved(self, solver: FieldSolver, kept: Kept) -> _Solved:
+        """Light on the mesh of a run before this one, if it does, or on one of the scene's own."""
+        before, solved = kept.mesh(self.budget), None
+        if before is not None:
+            with self.stages.run("elements"):
+                misplaced = solver.mesher.misplaced_again(before, self.budget)
+            if before.still_good(misplaced, self.budget.misplaced):
+                solver.mesh_before = before
+                solved = self._on(solver, before.boxes)
+                if before.converged and not self._converged(solved.sensors):
+                    solver.mesh_before = solved = None
+        self.stages.figures["mesh_of_earlier_run"] = solved is not None
+        return self._on_own_mesh(solver, kept) if solved is None else solved
+
+    def _on_own_mesh(self, solver: FieldSolver, kept: Kept) -> _Solved:
         """Light on the mesh of the budget, cut further where its error is too large."""
-        boxes = solver.mesher.boxes(self.budget)
+        boxes, misplaced = solver.mesher.boxes(self.budget)
         solved = self._on(solver, boxes)
         for _ in range(REFINEMENTS):
             if self._converged(solved.sensors) or not self._converged(solved.without_mesh):
@@ -202,15 +241,52 @@ class _Simulation:
                     f"free does not hold {len(finer)}"
                 )
                 break
-            boxes = finer
+            boxes, misplaced = finer, solver.mesher.misplaced(finer, misplaced)
             solved = self._on(solver, boxes)
+        self._own_mesh = boxes, misplaced
         return solved
 
     def _fits(self, elements: int) -> bool:
+        enough = self._has_room(elements)
+        if not enough and len(STORE):
+            forget()
+            enough = self._has_room(elements)
+        return enough
+
+    def _has_room(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
         if varying and not has_room((VARYING_BYTES + 4 * self.more) * elements**2):
             return False
         return fits(elements, self.largest_grid, self.more)
+
+    def _keep_mesh(
+        self, solver: FieldSolver, kept: Kept, solved: _Solved, *, converged: bool
+    ) -> None:
+        """Keep what a later run needs to take the same mesh."""
+        if self._own_mesh is None:
+            return
+        boxes, misplaced = self._own_mesh
+        field = solved.field
+        mesh = Mesh(
+            boxes=boxes,
+            misplaced=misplaced,
+            looked=solver.mesher.looked,
+            nets=self.scene.patches.control_points,
+            lamps=solver.mesher.lamps(self.budget),
+            fineness=field.fineness,
+            halved=solved.finer.halved,
+            converged=converged,
+        )
+        kept.keep_mesh(self.budget, mesh)
+
+    def _remarks(self, kept: Kept, tester: Containment) -> tuple[str, ...]:
+        """What is placed where it makes no sense; if nothing, whatever the lamps' flux."""
+        scene = self.scene
+        lamps = [(lamp.part, lamp.area_m2) for lamp in scene.luminaires]
+        flux = [lamp.flux_lm for lamp in scene.luminaires]
+        at = (scene.luminaire_index, lamps, scene.cameras, scene.sensors)
+        lines, told = kept.find("placement", at, lambda: (check_placement(scene, tester), flux))
+        return lines if not lines or told == flux else check_placement(scene, tester)
 
     def _on(self, solver: FieldSolver, boxes: Boxes) -> _Solved:
         """Light on one mesh, and at the sensors."""
