@@ -25,7 +25,7 @@ from .mesh_error import doubt_at
 from .mesher import Mesher
 from .mirror_light import MirrorLight
 from .mirrors import Reflections
-from .model.arrays import FloatArray, IntArray
+from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
@@ -62,7 +62,9 @@ class Field:
     surfaces : Surfaces
         The elements and their optical state.
     sources : Sources
-        The elements as the kernels see them.
+        The elements as the kernels see them, those of panes apart.
+    every : Sources
+        All of them, to divide their form factors among the unknowns.
     lifts : (n,) array
         How far facets may lie before them. [m]
     unknowns : Unknowns
@@ -85,6 +87,7 @@ class Field:
 
     surfaces: Surfaces
     sources: Sources
+    every: Sources
     lifts: FloatArray
     unknowns: Unknowns
     system: RadiositySystem
@@ -115,6 +118,11 @@ class SensorRows:
     rows: Rows
     light: Light
     mirrored: Reflections | None
+
+    @property
+    def factors(self) -> list[MatrixArray]:
+        """Form factors (m, n) of the elements, and those by way of mirrors, if there are any."""
+        return [self.rows.factors, *([] if self.mirrored is None else [self.mirrored.rows])]
 
 
 class FieldSolver:
@@ -220,12 +228,14 @@ class FieldSolver:
                 rows, sees_out, raw = self.kept.rows(
                     "form factors", asked, (), find, self._under_sky, renew
                 )
-                rows = self._through_panes(rows, asked, surfaces, mesh=True)
-            factors = self.kept.factors(unknowns, rows, asked)
+                rows = self._through_panes(rows, asked, surfaces, mesh=unknowns.basis is None)
+            every = self.panes.with_panes(sources, elements)
+            factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
-            factors = factors + unknowns.evenly(mirrored.rows)
+            factors = factors.copy() if factors is rows.factors else factors
+            unknowns.add_evenly(factors, mirrored.rows)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
             system = RadiositySystem(
@@ -242,6 +252,7 @@ class FieldSolver:
         return Field(
             surfaces=surfaces,
             sources=sources,
+            every=every,
             lifts=lifts,
             unknowns=unknowns,
             system=system,
@@ -255,7 +266,7 @@ class FieldSolver:
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
-        weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
+        weights = weights_at([f for s in seen for f in s.factors], field.surfaces.areas)
         flux = self._flux_of_lamps(field)
         with self.stages.run("iterated gather"):
             before = None if self.mesh_before is None else self.mesh_before.halved
@@ -308,7 +319,8 @@ class FieldSolver:
         rows = self._through_panes(rows, asked, field.surfaces)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
         mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out)
-        indirect = self._gathered(rows, mirrored, asked, field.unknowns, [*field.sent.values()])
+        columns = [*field.sent.values()]
+        indirect = self._gathered(rows, mirrored, asked, field.every, field.unknowns, columns)
         variance = variance_of(rows, mirrored, luminous(field.exitance_told))
         found = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
         return found, self.mirrors.kept(rows, mirrored, field.surfaces)
@@ -361,7 +373,8 @@ class FieldSolver:
         """Light at sensors, and how far (m,) its indirect part may be wrong by the mesh. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
-            found = self._gathered(seen.rows, seen.mirrored, asked, finer.unknowns, columns)
+            every, unknowns = field.every, finer.unknowns
+            found = self._gathered(seen.rows, seen.mirrored, asked, every, unknowns, columns)
         *parts, change = found
         indirect = dict(zip(finer.sent, parts, strict=True))
         variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
@@ -393,12 +406,13 @@ class FieldSolver:
         rows: Rows,
         mirrored: Reflections | None,
         asked: Ask,
+        every: Sources,
         unknowns: Unknowns,
         sent: list[FloatArray],
     ) -> list[FloatArray]:
         """Light (m, b), straight and by mirrors, of each of ``sent`` (N, b) by the unknowns."""
         columns = np.concatenate(sent, axis=1)
-        found = self.kept.gather(unknowns, rows, asked, columns)
+        found = self.kept.gather(unknowns, rows, replace(asked, sources=every), columns)
         if mirrored is not None:
             found = found + multiplied(mirrored.rows, unknowns.mean(columns))
         return np.split(found, len(sent), axis=1)

@@ -12,6 +12,7 @@ from .model.arrays import FloatArray, IntArray
 from .model.bezier import bernstein, bernstein_derivative
 from .model.result import luminous
 from .model.views import Sensors
+from .panes import shares_through
 from .raycast import RayCaster
 from .second_pass import SecondPass
 from .unknowns import lagrange
@@ -230,6 +231,12 @@ class SensorLobes:
                 at[rows], away[rows], t_min=second.near, t_max=distance[rows] - second.near
             )
             weight[rows[0][hidden], rows[1][hidden]] = 0.0
+        if len(second.panes.nets):
+            rows = np.nonzero(weight > 0.0)
+            far = distance[rows] - second.near
+            weight[rows] *= shares_through(
+                second.panes, at[rows], away[rows], t_min=second.near, t_max=far
+            )[0]
         light = np.zeros((*weight.shape, len(second.groups), second.bands))
         rows = np.nonzero(weight > 0.0)
         element = cells.element[rows[0]]

@@ -110,7 +110,8 @@ class Finer:
 def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
     """Importance (n,) of light from elements for sensors that see them by ``seen`` [(m, n), …].
 
-    Relative to the mean, per area; 1 everywhere without sensors.
+    Straight or by way of mirrors, each with factors of its own. Relative to the mean, per area;
+    1 everywhere without sensors.
     """
     total = np.zeros(len(areas))
     for factors in seen:
@@ -232,18 +233,19 @@ def _chosen(
         level = unknowns.mean(values)
         spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
         worth += (spread + LEAST * level) * surfaces.areas * share
-    worth[~unknowns.can_halve(surfaces.elements)] = 0.0
-    worth[len(field.sources.nets) :] = 0.0  # panes
+    whole = ~unknowns.can_halve(surfaces.elements)
+    whole[len(field.sources.nets) :] = True  # panes
     if field.system.scattering is not None:
-        worth[field.system.scattering.share > 0.0] = 0.0  # known by whole elements
+        whole |= field.system.scattering.share > 0.0  # known by whole elements
     order = np.argsort(-worth, kind="stable")
-    order = order[worth[order] > 0.0]
+    order = order[(worth > 0.0)[order] & ~whole[order]]
     count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
     chosen, total = np.sort(order[:count]), float(worth.sum())
     if before is not None and worth[chosen].sum() <= AS_GOOD * worth[before].sum():
         chosen = before
     seen = float(worth[chosen].sum())
-    return chosen, (total - seen) / seen if len(chosen) < len(order) else 0.0
+    # What cannot be halved is left out like what there is no room for.
+    return chosen, max(total - seen, 0.0) / seen if seen > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

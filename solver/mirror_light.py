@@ -94,8 +94,9 @@ class MirrorLight(Mirrors):
         with self.stages.run(stage or "mirrors"):
             jobs = dome_jobs(self.scene, asked.budget, self.bands) if sees_out else []
             for job in jobs:
-                # Elements, of which there are many, see sky and ground along rays.
-                if fine or job.name == "sun":
+                # Elements, of which there are many, see sky and ground along rays, and so does all
+                # that sees them through panes.
+                if (fine and not self.panes) or job.name == "sun":
                     found, variance = self._dome(job, rows, surfaces, asked)
                     light.direct[job.name] = light.direct[job.name] + found[:, None] * job.color
                     light.variance += variance
@@ -148,7 +149,8 @@ class MirrorLight(Mirrors):
         _, first, alike = np.unique(light, axis=0, return_index=True, return_inverse=True)
         alike = first[alike.reshape(-1)]
         sky = self.scene.sky
-        of = (self.shares, emits, alike, surfaces.web[emits], sky, fine)
+        kinds = surfaces.web[emits], surfaces.uneven[emits]
+        of = (self.shares, emits, alike, *kinds, sky, fine)
         return self._kept.of_rows(
             "mirrors", rows, of, lambda: self.reflect(rows, surfaces, asked, fine=fine)
         )

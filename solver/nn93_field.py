@@ -290,9 +290,11 @@ class CornerSolver:
         n = len(elements)
         nets = self.scene.patches.control_points
         sums = inside(found.seen.elements.sum(axis=1))
+        sources = make_sources(elements, nets, np.full(n, self.budget.cell_eps))
         return Field(
             surfaces=surfaces,
-            sources=make_sources(elements, nets, np.full(n, self.budget.cell_eps)),
+            sources=sources,
+            every=sources,
             lifts=np.zeros(n),
             unknowns=unknowns,
             system=found.system,

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from .budget import Budget
-from .exchange import Rows
+from .exchange import Rows, make_sources
 from .kernels.pyramid import Blockers
-from .model.arrays import FloatArray, MatrixArray
+from .kernels.rows import Sources
+from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
@@ -68,9 +69,25 @@ class PaneField:
         """Unknowns of which those of panes lie on nothing."""
         if not self.any:
             return unknowns
-        clear, receivers = elements.patch_index >= self.count, unknowns.receivers
+        clear = elements.patch_index[unknowns.element] >= self.count
+        receivers = unknowns.receivers
         own, patches = (np.where(clear, -1, a) for a in (receivers.own, receivers.patches))
         return replace(unknowns, receivers=replace(receivers, own=own, patches=patches))
+
+    def with_panes(self, sources: Sources, elements: Elements) -> Sources:
+        """Sources to which those of panes are added, as far as `unknowns` looks at them."""
+        if not self.any:
+            return sources
+        glass = elements.take(np.flatnonzero(elements.patch_index >= self.count))
+        nets = self.scene.patches.control_points
+        more = make_sources(glass, nets, np.ones(len(glass)))
+        shift = (more.edge_origin - sources.edge_origin)[:, None, None]
+        return sources._replace(
+            nets=np.concatenate([sources.nets, more.nets]),
+            spheres=np.concatenate([sources.spheres, more.spheres]),
+            area_point=np.concatenate([sources.area_point, more.area_point + shift], axis=1),
+            area_normal=np.concatenate([sources.area_normal, more.area_normal], axis=1),
+        )
 
     def lifts(self, lifts: FloatArray, elements: Elements) -> FloatArray:
         """Lifts (n,) of all elements from those that are none of panes."""
@@ -109,7 +126,7 @@ class PaneField:
         self,
         balance: Balance,
         surfaces: Surfaces,
-        factors: MatrixArray,
+        factors: Callable[[IntArray], FloatArray],
         exitance: FloatArray,
         components: Mapping[str, FloatArray],
     ) -> Balance:
@@ -117,8 +134,8 @@ class PaneField:
 
         Parameters
         ----------
-        factors : (n, n) array
-            Form factors.
+        factors : callable
+            Form factors (k, n) of elements, from some rows (k,) of them.
         exitance : (n, b) array
             What the elements send alike in all directions. [lm/m²]
         components : dict of (n, b) arrays
@@ -141,13 +158,14 @@ class PaneField:
                 if name.endswith(".direct")
             }
             outside = {name: direct[name] for name in DAYLIGHT if name in direct}
-            kept = passing_flux(areas, passing.of_surfaces(factors, exitance))
+            seen = factors(rows)
+            kept = passing_flux(areas, passing.of_surfaces(seen, exitance))
             flux[rows] += kept
             for group, values in direct.items():
                 if group in outside:
                     continue
                 # What form factors do not tell of lamps: webs, or where uneven ones are bright.
-                even = np.asarray(factors[rows] @ surfaces.emitted_by(self.scene, group))
+                even = np.asarray(seen @ surfaces.emitted_by(self.scene, group))
                 more = values[rows] - even
                 if any(one.web is not None for one in self.scene.luminaires if one.group == group):
                     more = np.maximum(more, 0.0)

@@ -18,6 +18,7 @@ from .glossy import NEAR, radiance, shining_of
 from .model.arrays import FloatArray, frozen
 from .model.result import luminous
 from .model.scene import SceneData
+from .panes import make_panes
 from .raycast import RayCaster
 from .skies import ground_luminance, sky_tone, sun_luminance
 from .spectra import cct_to_rgb
@@ -115,6 +116,7 @@ class SecondPass:
         self._tree = Tree(
             *(RayCaster(scene.without_panes.patches) if caster is None else caster).arrays
         )
+        self.panes = make_panes(scene)
         self._lamps, self._levels, self._nets = shining_pieces(scene, surfaces)
         self._centers = [elements.nodes[surfaces.lamp == web.row].mean(axis=(0, 1)) for web in webs]
 
@@ -174,7 +176,7 @@ class SecondPass:
             Lobe(self.conserving, self.trace, accuracy, rays, rounds, self.near),
             shining_of(self._nets, luminance, brightness),
             flat(light), flat(emitted), self._beyond(by_group, columns + own),
-            self._tree, self._sides,
+            self._tree, self.panes, self._sides,
         )  # fmt: skip
         out = found[:, :columns].reshape(-1, count, self.bands)
         for k, web in enumerate(self.webs):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import BASES, Budget, most_varying
+from .budget import BASES, Budget, most_varying, scene_bytes
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -175,18 +175,33 @@ class Simulation:
         self.budget = Budget.of(scene, accuracy, self.basis)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
+        #: What mirrors and panes take besides, a pair. [B]
+        self.more = scene_bytes(scene)
         if len(STORE) and not self._is_roomy():
             forget()  # what is kept may be found again
             self.budget = Budget.of(scene, accuracy, self.basis)
         check_memory(
-            self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
+            self.budget.elements,
+            self.largest_grid,
+            least_elements=sides,
+            accuracy=accuracy,
+            more=self.more,
         )
 
     def _is_roomy(self) -> bool:
         """Whether memory sets no bound to the mesh that is asked for."""
-        budget, panes = self.budget, bool(self.scene.glazings)
-        varying = budget.basis != "constant" or panes or budget.elements > most_varying(self.basis)
-        return varying and fits(budget.elements, self.largest_grid)
+        budget = self.budget
+        varying = (
+            budget.basis != "constant"
+            or self._scatters
+            or budget.elements > most_varying(self.basis)
+        )
+        return varying and fits(budget.elements, self.largest_grid, self.more)
+
+    @property
+    def _scatters(self) -> bool:
+        """Whether panes diffuse light: they are known by whole elements."""
+        return any(glazing.glass.diffuse > 0.0 for glazing in self.scene.glazings)
 
     def run(self) -> Result:
         scene, stages = self.scene, self.stages
@@ -199,7 +214,7 @@ class Simulation:
             stages.warnings.extend(self._remarks(kept, tester))
         self._say_skipped(blockers)
         told, elements = self.budget.basis, self.budget.elements
-        if told != self.basis and elements <= most_varying(self.basis) and not scene.glazings:
+        if told != self.basis and elements <= most_varying(self.basis) and not self._scatters:
             stages.warnings.append(
                 f"exitance is taken for {told} on every element: the memory that is free does not "
                 f"hold more for {elements} elements"
@@ -295,9 +310,9 @@ class Simulation:
 
     def _has_room(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
-        if varying and not has_room(varying_bytes(self.budget.basis) * elements**2):
+        if varying and not has_room(varying_bytes(self.budget.basis, self.more) * elements**2):
             return False
-        return fits(elements, self.largest_grid)
+        return fits(elements, self.largest_grid, self.more)
 
     def _keep_mesh(
         self, solver: FieldSolver, kept: Kept, solved: Solved, *, converged: bool
@@ -390,7 +405,7 @@ class Simulation:
         balance = solver.panes.in_ledger(
             balance,
             surfaces,
-            field.system.factors,
+            lambda rows: field.unknowns.of_whole(field.system.factors, rows),
             surfaces.diffuse + finer.reflected,
             finer.light.components,
         )

@@ -13,6 +13,8 @@ import numpy as np
 
 from .bvh import STACK
 from .compiled import lean, parallel
+from .dimmed import left_on_ray, next_pane
+from .panes import MOST_CROSSED
 from .paths import LEAST_SHARE, MOST_MIRRORS, Walk, element_at, frame_at, mirrored, next_hit
 from .ray_patch import WORK
 from .sky_luminance import sky_luminance
@@ -102,7 +104,7 @@ def _shows_edge(x, net, box, side, spheres, place, ends):
 
 
 @lean
-def _to_mirror(x, n, net, box, side, seed, near, trace, tree, walk, row, ray):
+def _to_mirror(x, n, net, box, side, seed, near, trace, tree, panes, walk, pane, row, ray):
     """Share of a cell, with the mirrored ray from it into ``ray``; 0 where it is not seen."""
     seed = _scrambled(seed)
     u = box[0] + (box[1] - box[0]) * (seed >> 8) / 8388608.0
@@ -135,6 +137,9 @@ def _to_mirror(x, n, net, box, side, seed, near, trace, tree, walk, row, ray):
     elif side == 1:
         for k in range(3):
             walk.place[3 + k] = -walk.place[3 + k]
+    here *= left_on_ray(
+        panes, x[0], x[1], x[2], walk.ray[3], walk.ray[4], walk.ray[5], near, r - near, walk, pane
+    )
     mirrored(walk.ray, walk.place)
     for k in range(6):
         ray[k] = walk.ray[k]
@@ -159,8 +164,31 @@ def _leave(e, share, emits, found, spread, touched, count):
 
 
 @lean
+def _cross(
+    share, reach, emits, tree, panes, sides, near, walk, pane, found, spread, touched, count
+):  # fmt: skip
+    """Leave light on the panes that the walk's ray crosses before ``reach`` [m].
+
+    Returns the share left, and the count of touched elements.
+    """
+    ray, at, first = walk.ray, near, tree.nets.shape[0]
+    for _ in range(MOST_CROSSED):
+        p, at, u, v, side, left = next_pane(
+            panes, ray[0], ray[1], ray[2], ray[3], ray[4], ray[5], at, reach, walk, pane
+        )
+        if p < 0:
+            break
+        e = element_at(sides, 2 * (first + p) + side, u, v)
+        if e >= 0:
+            count = _leave(e, share, emits, found, spread, touched, count)
+        share *= left
+    return share, count
+
+
+@lean
 def _follow(
-    ray, share, row, seen, tree, sides, near, walk, found, spread, touched, count, away
+    ray, share, row, seen, tree, panes, sides, near, walk, pane, found, spread, touched, count,
+    away,
 ):  # fmt: skip
     """Follow one ray that a mirror has turned; returns the count of touched, and what is lost.
 
@@ -173,6 +201,17 @@ def _follow(
     for turn in range(MOST_MIRRORS):
         by_image = imaged and turn == 0
         hit, u, v = next_hit(tree, walk, near)
+        if panes.nets.shape[0]:
+            reach = 1e300 * start / start  # not a literal, which would compile the callees anew
+            if hit >= 0:
+                reach = 0.0
+                for k in range(3):
+                    reach += (walk.place[k] - walk.ray[k]) * walk.ray[3 + k]
+                reach -= near
+            share, count = _cross(
+                share, reach, not by_image, tree, panes, sides, near, walk, pane, found, spread,
+                touched, count,
+            )  # fmt: skip
         if hit < 0:
             x, y, z = walk.ray[3], walk.ray[4], walk.ray[5]
             if z <= 0.0:
@@ -248,7 +287,7 @@ def _follow_through(
 
 @parallel
 def mirror_rows(
-    nodes, normals, weights, factors, seen, tree, sides, rays, levels, near, trace, rows,
+    nodes, normals, weights, factors, seen, tree, panes, sides, rays, levels, near, trace, rows,
     variances, lamps, away, lost,
 ):  # fmt: skip
     """Add what mirrors show to rows of form factors.
@@ -261,8 +300,9 @@ def mirror_rows(
         Share of each node.
     factors : (m, k) array
         Form factors of the mirror elements.
-    seen, tree, sides
-        `Seen`, `paths.Tree` and `paths.Sides`.
+    seen, tree, panes, sides
+        `Seen`, `paths.Tree`, `panes.Panes`, whose patches follow those of the tree, and
+        `paths.Sides` of them all.
     rays : float
         Rays for a form factor of 1.
     levels : int
@@ -290,7 +330,7 @@ def mirror_rows(
         stack, level = np.empty((4 * _LEVELS, 4)), np.empty(4 * _LEVELS, dtype=np.int64)
         ends, spread = np.empty((2, 3)), np.zeros((n, 2))
         one, before, branch = np.zeros(4), np.zeros(4), np.empty((_BRANCHES, 8))
-        squares = np.zeros(4)
+        squares, pane = np.zeros(4), np.empty(6)
         for c in range(seen.element.shape[0]):
             form = factors[i, c]
             row = seen.row[c]
@@ -341,7 +381,7 @@ def mirror_rows(
                         seed = _scrambled(seed)
                         share = _to_mirror(
                             nodes[i, q], normals[i, q], net, cell, side, seed, near, trace, tree,
-                            walk, row, kept[count],
+                            panes, walk, pane, row, kept[count],
                         )  # fmt: skip
                         lost[i, 1] += 1.0
                         if share > 0.0:
@@ -360,8 +400,8 @@ def mirror_rows(
                     before[k] = one[k]
                 if trace:
                     top, left = _follow(
-                        kept[s, :6], scale * kept[s, 6], row, seen, tree, sides, near, walk, found,
-                        spread, touched, top, one,
+                        kept[s, :6], scale * kept[s, 6], row, seen, tree, panes, sides, near, walk,
+                        pane, found, spread, touched, top, one,
                     )  # fmt: skip
                 else:
                     top, left = _follow_through(
