@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +32,10 @@ from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
-from .moved import with_rows
+from .moved import Changed
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
+from .renewed import renewed_rows
 from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
@@ -213,17 +216,14 @@ class FieldSolver:
                     return rows, sees_out, self._factors.close(rows, 1.0, asked, outside=sees_out)
 
                 def renew(
-                    old: tuple[Rows, bool, FloatArray], at: IntArray
+                    old: tuple[Rows, bool, FloatArray], changed: Changed
                 ) -> tuple[Rows, bool, FloatArray] | None:
-                    part = asked.taken(at)
-                    new, sees_out = self._factors.rows(part, tell), old[1]
-                    now = with_rows(old[0], new, at)
-                    if self._sees_out(now, unknowns.areas > 0.0) != sees_out:
+                    now, out = self._renewed(old[0], asked, changed, tell), old[1]
+                    if now is None or self._sees_out(now, unknowns.areas > 0.0) != out:
                         return None
-                    raw = old[2].copy()
-                    raw[at] = self._factors.close(new, 1.0, part, outside=sees_out)
-                    now.put(at, new)
-                    return now, sees_out, raw
+                    raw, at = old[2].copy(), np.flatnonzero(changed.again)
+                    raw[at] = self._close_again(now, at, asked, 1.0, outside=out)
+                    return now, out, raw
 
                 rows, sees_out, raw = self.kept.rows(
                     "form factors", asked, (), find, self._under_sky, renew
@@ -307,11 +307,13 @@ class FieldSolver:
             self._factors.close(rows, 1.0, asked, outside=field.sees_out)
             return (rows,)
 
-        def renew(old: tuple[Rows], at: IntArray) -> tuple[Rows]:
-            part = asked.taken(at)
-            new = self._factors.rows(part)
-            self._factors.close(new, 1.0, part, outside=field.sees_out)
-            return (with_rows(old[0], new, at),)
+        def renew(old: tuple[Rows], changed: Changed) -> tuple[Rows] | None:
+            now = self._renewed(old[0], asked, changed)
+            if now is None:
+                return None
+            at = np.flatnonzero(changed.again)
+            self._close_again(now, at, asked, 1.0, outside=field.sees_out)
+            return (now,)
 
         (rows,) = self.kept.rows(
             "iterated gather", asked, (field.sees_out,), find, self._under_sky, renew
@@ -351,13 +353,14 @@ class FieldSolver:
                     self._factors.close(rows, totals, asked, spread=light.outside_variance)
                 return (rows,)
 
-            def renew(old: tuple[Rows], at: IntArray) -> tuple[Rows]:
-                part = asked.taken(at)
-                new = self._factors.rows(part, tell)
+            def renew(old: tuple[Rows], changed: Changed) -> tuple[Rows] | None:
+                now, at = self._renewed(old[0], asked, changed, tell), np.flatnonzero(changed.again)
+                if now is None:
+                    return None
                 if closed:
                     totals, spread = 1.0 - light.outside[at], light.outside_variance[at]
-                    self._factors.close(new, totals, part, spread=spread)
-                return (with_rows(old[0], new, at),)
+                    self._close_again(now, at, asked, totals, spread=spread)
+                return (now,)
 
             (rows,) = self.kept.rows(
                 "sensors", asked, (closed,), find, renew=renew, which=grid.name
@@ -400,6 +403,30 @@ class FieldSolver:
             # is closed, however its factors add up.
             leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
         return bool(leaves.any())
+
+    def _renewed(
+        self,
+        rows: Rows,
+        asked: Ask,
+        changed: Changed,
+        tell: Callable[[int, int], None] | None = None,
+    ) -> Rows | None:
+        """Rows among surfaces that have moved; None where all are to be found anew."""
+        if not (self.trace and len(asked.sources.azimuths)):
+            return None
+        eps = self._factors.eps(asked)
+        found = renewed_rows(rows, asked, changed, self.scene, self.blockers, eps=eps, tell=tell)
+        self.stages.count(found.counters)
+        return found
+
+    def _close_again(
+        self, rows: Rows, at: IntArray, asked: Ask, totals: FloatArray | float, **how: Any
+    ) -> FloatArray:
+        """Close some of the ``rows``, in place; see `RowFinder.close`."""
+        part = rows.take(at)
+        sums = self._factors.close(part, totals, asked.taken(at), **how)
+        rows.put(at, part)
+        return sums
 
     def _gathered(
         self,

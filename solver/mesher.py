@@ -17,6 +17,7 @@ from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.scene import SceneData
+from .moved import rows_in_new_light
 from .profile_mesh import with_profiles
 from .refinement import Looked, Refiner
 from .reuse import Kept, Mesh
@@ -147,9 +148,14 @@ class Mesher:
             return 0.0
         refiner, (index, levels) = self._refine_by(budget), self.lamps(budget)
         known, now = (*mesh.lamps, mesh.nets), (index, levels, self.scene.patches.control_points)
-        if all(np.array_equal(a, b) for a, b in zip(known, now, strict=True)):
-            return refiner.again(mesh.boxes, mesh.looked)
-        return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
+        if not all(np.array_equal(a, b) for a, b in zip(known[:2], now[:2], strict=True)):
+            return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
+        looked = mesh.looked
+        if not np.array_equal(mesh.nets, now[2]):
+            places = refiner.places(mesh.boxes)
+            rows = rows_in_new_light(self.scene, mesh.nets, mesh.boxes.patch, *places)
+            looked = refiner.renewed(mesh.boxes, looked, rows)
+        return refiner.again(mesh.boxes, looked)
 
     def balanced(self, boxes: Boxes, budget: Budget) -> Boxes:
         """Boxes of which no edge has more than two neighbours, where that is asked for."""

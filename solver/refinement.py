@@ -139,6 +139,23 @@ class Refiner:
         self.looked, total = looked, float(flux.sum())
         return float(wrong.sum()) / total if total > 0.0 else 0.0
 
+    def renewed(self, boxes: Boxes, looked: Looked, rows: IntArray) -> Looked:
+        """What was ``looked`` at on ``boxes``, with some ``rows`` of them looked at once more."""
+        if not len(rows):
+            return looked
+        left = np.setdiff1d(np.arange(len(boxes)), rows)
+        order = np.argsort(np.concatenate([left, rows]))
+        return looked.take(left).joined(self._look(boxes.take(rows))).take(order)
+
+    def places(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
+        """Points (n, k, 3) at which boxes are looked at, and their normals."""
+        found = [_points(self.patches, boxes, *rule)[:2] for rule in (LOOK, NODES)]
+        points, normals = (
+            np.concatenate([a.reshape(len(boxes), -1, 3) for a in both], axis=1)
+            for both in zip(*found, strict=True)
+        )
+        return points, normals
+
     def _look(self, boxes: Boxes) -> Looked:
         """Light of the lamps in boxes."""
         light, nearness, areas, lengths = self._light(boxes, *LOOK)

@@ -28,7 +28,7 @@ from .memory import available_bytes
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.scene import SceneData
-from .moved import OUTSIDE, Arrangement
+from .moved import OUTSIDE, Arrangement, Changed
 from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
@@ -37,8 +37,8 @@ from .unknowns import BLOCK, Unknowns
 
 Value = TypeVar("Value")
 RowsAndMore = TypeVar("RowsAndMore", bound=tuple[Any, ...])
-#: Puts rows (k,) found anew into what an earlier run found; None where that does not hold.
-Renew = Callable[[tuple[Any, ...], IntArray], RowsAndMore | None]
+#: Finds anew what has changed of an earlier run's rows; None where that does not do.
+Renew = Callable[[tuple[Any, ...], Changed], RowsAndMore | None]
 
 #: Share of the memory that would be free without it, which the store may take.
 SHARE = 0.2
@@ -48,6 +48,8 @@ UNTOLD = 500_000_000
 LOOSER = 1.5
 #: Where `sky_tone` has the luminance of a sky.
 LEVEL = 6
+#: Share of the pairs above which rows are found anew as wholes after parts have moved.
+MOST_CHANGED = 0.7
 
 
 class Store:
@@ -217,9 +219,9 @@ class Kept:
         """Rows as ``make`` returns them, first of what may be more.
 
         They depend on what is ``asked`` and on ``more``. What they see of another sky than that
-        they were found under is found anew by ``sees_sky``, where it matters. With ``renew`` rows
-        of an earlier run that moved parts do not touch are kept, see `moved`; it puts others into
-        what was found. ``which`` tells sets of rows of one name apart.
+        they were found under is found anew by ``sees_sky``, where it matters. With ``renew`` pairs
+        of an earlier run that moved parts do not touch are kept, see `moved`; it finds the others.
+        ``which`` tells sets of rows of one name apart.
         """
         before = list(self.hits.get(name, (0, 0)))
         sky = self.scene.sky
@@ -236,7 +238,7 @@ class Kept:
         self._mark(found[0], value[2])
         there = self.hits.get(name, [0, 0])[0] > before[0]
         if there:
-            self._count(found[0].factors.shape)
+            self._count(len(found[0].factors), found[0].factors.size)
         if there and sees_sky is not None and not np.array_equal(value[1], tone):
             find = sees_sky
 
@@ -251,8 +253,8 @@ class Kept:
             self.store.put(where, Arrangement.of(nets, asked, found, tone))
         return found
 
-    def _count(self, shape: tuple[int, ...]) -> None:
-        self.stages.count({"rows_reused": shape[0], "pairs_reused": shape[0] * shape[1]})
+    def _count(self, rows: int, pairs: int) -> None:
+        self.stages.count({"rows_reused": rows, "pairs_reused": pairs})
 
     def _after_moves(
         self,
@@ -270,14 +272,16 @@ class Kept:
             return None
         if tone is not None and not np.array_equal(before.tone, tone):
             return None
-        touched = before.touched(self.scene.patches.control_points, asked)
-        if touched is None or touched.all():
+        changed = before.changed(self.scene.patches, asked)
+        if changed is None:
             return None
-        found = renew(before.found, np.flatnonzero(touched))
+        pairs = int(changed.pairs.sum())
+        if pairs > MOST_CHANGED * changed.pairs.size:
+            return None
+        found = renew(before.found, changed)
         if found is not None:
-            kept = len(touched) - int(touched.sum())
-            self._count((kept, len(before.spheres)))
-            self.stages.figures["rows_kept_after_moves"] = kept
+            self._count(int((~changed.again).sum()), changed.pairs.size - pairs)
+            self.stages.count({"pairs_renewed": pairs})
         return found
 
     def _mark(self, rows: Rows, mark: bytes) -> None:
@@ -325,24 +329,30 @@ class Kept:
             if self.hits.get(name, [0, 1])[1] == 0:
                 self.stages.skipped[name] = "as in an earlier run: same surfaces, same mesh"
 
+    def of_parts(self, name: str, of: tuple[Any, ...]) -> Any:
+        """What was kept last for the same parts, wherever they stood; None where nothing was."""
+        return None if self.store is None else self.store.get(digest(self._parts, name, of))
+
+    def keep_of_parts(self, name: str, of: tuple[Any, ...], value: Any) -> None:
+        """Keep what may hold for the same parts elsewhere."""
+        if self.store is not None:
+            self.store.put(digest(self._parts, name, of), value)
+
     def mesh(self, budget: Budget) -> Mesh | None:
         """The mesh of the last run of the same parts, wherever, and the same accuracy."""
-        if self.store is None:
-            return None
-        found = self.store.get(self._of_mesh(budget))
+        found = self.of_parts("mesh", self._of_mesh(budget))
         return found if isinstance(found, Mesh) else None
 
-    def _of_mesh(self, budget: Budget) -> bytes:
+    def _of_mesh(self, budget: Budget) -> tuple[Any, ...]:
         """What lamps and sky there are decides on cuts, how bright they are is looked at again."""
         scene = self.scene
         outside = scene.sky is not None or scene.ground is not None
         lit = scene.luminaire_index >= 0
-        return digest(self._parts, "mesh", tolerances(budget), outside, lit)
+        return tolerances(budget), outside, lit
 
     def keep_mesh(self, budget: Budget, mesh: Mesh) -> None:
         """Keep the mesh for later runs."""
-        if self.store is not None:
-            self.store.put(self._of_mesh(budget), mesh)
+        self.keep_of_parts("mesh", self._of_mesh(budget), mesh)
 
 
 def _new_mark() -> bytes:

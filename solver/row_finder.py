@@ -108,7 +108,7 @@ class RowFinder:
             receivers.patches,
             ask.sources,
             self.blockers,
-            eps=self._eps(ask),
+            eps=self.eps(ask),
             trace=self.trace,
             own=receivers.own,
             lifts=ask.lifts,
@@ -120,7 +120,8 @@ class RowFinder:
         self.stages.count(rows.counters)
         return rows
 
-    def _eps(self, ask: Ask) -> float:
+    def eps(self, ask: Ask) -> float:
+        """Relative accuracy of unoccluded factors."""
         return ask.budget.eps * (ask.share if self.trace else FINE_SHARE)
 
     def close(
@@ -141,7 +142,7 @@ class RowFinder:
         """
         if not self._sums_known or not self.trace:
             return rows.sums[:, 0].copy()
-        known: dict[str, Any] = {"eps": self._eps(ask), "outside": outside, "spread": spread}
+        known: dict[str, Any] = {"eps": self.eps(ask), "outside": outside, "spread": spread}
         worth = known | {"eps": max(known["eps"], WORTH * ask.budget.accuracy)}
         for level in range(1, LEVELS + 1):
             found = rows_beyond_noise(rows, totals, **worth)

@@ -13,6 +13,7 @@ from .exchange import ROUNDING
 from .field import Field, FieldSolver
 from .incident import Gathered
 from .iterated import ROWS, Finer, as_it_is
+from .kept_placement import placement_remarks
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import PAIR_BYTES, check_memory, fits, has_room, varying_bytes
@@ -23,7 +24,6 @@ from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .packed import PackedMatrix
-from .placement import check_placement
 from .reuse import STORE, Kept, Mesh, forget
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
@@ -211,7 +211,7 @@ class Simulation:
             solids = opaque.patches, opaque.closed, opaque.patches.part_index
             blockers = kept.find("blockers", (), lambda: make_blockers(*solids))
             tester = Containment(scene)
-            stages.warnings.extend(self._remarks(kept, tester))
+            stages.warnings.extend(placement_remarks(scene, tester, kept))
         self._say_skipped(blockers)
         told, elements = self.budget.basis, self.budget.elements
         if told != self.basis and elements <= most_varying(self.basis) and not self._scatters:
@@ -333,15 +333,6 @@ class Simulation:
             converged=converged,
         )
         kept.keep_mesh(self.budget, mesh)
-
-    def _remarks(self, kept: Kept, tester: Containment) -> tuple[str, ...]:
-        """What is placed where it makes no sense; if nothing, whatever the lamps' flux."""
-        scene = self.scene
-        lamps = [(lamp.part, lamp.area_m2) for lamp in scene.luminaires]
-        flux = [lamp.flux_lm for lamp in scene.luminaires]
-        at = (scene.luminaire_index, lamps, scene.cameras, scene.sensors)
-        lines, told = kept.find("placement", at, lambda: (check_placement(scene, tester), flux))
-        return lines if not lines or told == flux else check_placement(scene, tester)
 
     def _on(self, solver: FieldSolver, boxes: Boxes) -> Solved:
         """Light on one mesh, and at the sensors."""

@@ -1,0 +1,144 @@
+"""Rows of form factors of which some pairs are found anew, all others left as they are.
+
+What lies about a receiver is scanned as in `bulk`; unoccluded factors, shares and pyramids are
+found for the pairs that are asked for alone.
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+from .bulk import _GOLDEN, _find_dark
+from .closure import sum_row
+from .compiled import lean, parallel
+from .contour import horizon_tolerance, shift_net
+from .edges import far_factors, mean_factors
+from .meridian import make_lines
+from .patch_factor import patch_factor
+from .pyramid import make_scratch
+from .rows import SCANNED, how_to_see, trace_row
+from .shares import ROOM, find_shares, make_shares
+
+
+@lean
+def _unoccluded(
+    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, asked, integral, s, dark,
+    factors, near,
+):  # fmt: skip
+    """Unoccluded form factors from one node to the elements ``asked`` for, 0 for all others."""
+    _find_dark(x, n, own_patch, own, sources, blockers, dark)
+    mean_factors(x, n, sources, sources.point_from, factors)
+    for j in range(factors.shape[0]):
+        factors[j] = factors[j] if asked[j] else 0.0
+    left = far_factors(
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, near_ratio, eps,
+        False, integral, factors, near,
+    )  # fmt: skip
+    for m in range(left):
+        j = near[m]
+        patch = sources.patch[j]
+        solid = blockers.solid[patch]
+        same = own_patch >= 0 and blockers.solid[own_patch] == solid
+        inside = same and blockers.hollow[solid]
+        front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
+        shift_net(sources.nets[j], x, s)
+        factors[j] = patch_factor(
+            s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
+        )
+
+
+@lean
+def _add(weight, plain, asked, exact_above, wanted, share, deviation, factors, variances):
+    """Add what one node sees of elements asked for, but for those that are to be traced.
+
+    These are marked in ``wanted``. Returns how many were added, −1 − that where any is marked.
+    """
+    count, some = 0, False
+    for j in range(plain.shape[0]):
+        wanted[j] = asked[j] and plain[j] > exact_above[j]
+        if not asked[j]:
+            continue
+        some |= wanted[j]
+        value = 0.0 if wanted[j] else weight * plain[j]
+        factors[j] += value * share[j]
+        variances[j] += (value * deviation[j]) ** 2
+        count += 1 if value > 0.0 else 0
+    return -1 - count if some else count
+
+
+@parallel
+def renew_rows(
+    nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
+    levels, tone, chunks, again, asked, factors, variances, outside, sums, counters,
+):  # fmt: skip
+    """Find some form factors anew, along the same meridians as `bulk.form_factor_rows`.
+
+    Parameters
+    ----------
+    nodes … chunks
+        As there; the sources have meridians.
+    again : (m,) bool array
+        Rows with something to find; their sky and ground are found, too.
+    asked : (m, n) bool array
+        The pairs.
+    factors, variances : (m, n) float32 array
+        Changed where asked.
+    outside, sums, counters
+        Changed in those rows.
+    """
+    count, p = nodes.shape[0], blockers.nets.shape[0]
+    count_elements = sources.nets.shape[0]
+    size = (count + chunks - 1) // chunks
+    for chunk in nb.prange(chunks):
+        integral = np.empty(sources.edge_point.shape[2])
+        plain, near = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
+        s, dark = np.empty((4, 4, 4)), np.empty(sources.group.shape[0], dtype=np.bool_)
+        x, n, lifted = np.empty(3), np.empty(3), np.empty(3)
+        scratch = make_scratch(p, levels)
+        row, spread = np.empty(count_elements), np.empty(count_elements)
+        wanted = np.empty(count_elements, dtype=np.bool_)
+        lines = make_lines(sources.azimuths, ROOM * sources.azimuths.shape[0])
+        shares = make_shares(sources)
+        for i in range(chunk * size, min(count, (chunk + 1) * size)):
+            if not again[i]:
+                continue
+            for j in range(count_elements):
+                row[j] = 0.0 if asked[i, j] else factors[i, j]
+                spread[j] = 0.0 if asked[i, j] else variances[i, j]
+            for k in range(5):
+                outside[i, k] = 0.0
+            for q in range(nodes.shape[1]):
+                weight = weights[i, q]
+                if weight == 0.0:
+                    continue
+                for k in range(3):
+                    x[k], n[k] = nodes[i, q, k], normals[i, q, k]
+                    lifted[k] = x[k] + lifts[i] * n[k]
+                rounding = horizon_tolerance(x)
+                _unoccluded(
+                    x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding,
+                    asked[i], integral, s, dark, plain, near,
+                )  # fmt: skip
+                flat = own[i] if lifts[i] == 0.0 else -1
+                turn = ((first_row + i) * nodes.shape[1] + q + 0.5) * _GOLDEN
+                turn = 2.0 * math.pi * (turn - math.floor(turn))
+                lines = find_shares(
+                    lifted, n, own[i], flat, turn, dark, plain, sources, blockers, rounding,
+                    tone, lines, shares,
+                )  # fmt: skip
+                for k in range(5):
+                    outside[i, k] += shares.outside[k] * (weight if k < 3 else weight * weight)
+                added = _add(
+                    weight, plain, asked[i], sources.exact_above, wanted, shares.share,
+                    shares.deviation, row, spread,
+                )  # fmt: skip
+                counters[i, SCANNED] += added if added >= 0 else -1 - added
+                if added < 0:
+                    trace_row(
+                        x, n, patches[i], sources, blockers, eps, scratch, wanted, plain, s,
+                        weight, row, spread, counters[i],
+                    )  # fmt: skip
+            sums[i, 0], sums[i, 1] = sum_row(row), sum_row(spread)
+            for j in range(count_elements):
+                factors[i, j], variances[i, j] = row[j], spread[j]

@@ -1,0 +1,85 @@
+"""Rows of form factors among surfaces of which some have moved: what changes is found anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .edges import near_ratio
+from .exchange import COUNTERS, LEVELS, PAIRS_PER_BLOCK, ROWS_PER_BLOCK, Rows
+from .kernels.pyramid import Blockers
+from .kernels.threads import count_threads
+from .model.scene import SceneData
+from .model.sky import CIESky
+from .moved import Changed
+from .row_finder import Ask
+from .skies import sky_tone
+from .topology import writable
+
+
+def renewed_rows(
+    rows: Rows,
+    asked: Ask,
+    changed: Changed,
+    scene: SceneData,
+    blockers: Blockers,
+    *,
+    eps: float,
+    tell: Callable[[int, int], None] | None = None,
+) -> Rows:
+    """A copy of rows with the pairs that have ``changed`` found anew, along the same meridians.
+
+    Parameters
+    ----------
+    rows : Rows
+        Among the surfaces as they were, of single precision.
+    asked : Ask
+        What they are asked for now, by meridians.
+    changed : Changed
+        What of them is to be found.
+    scene, blockers
+        As they are now.
+    eps : float
+        Relative accuracy of unoccluded factors.
+    tell : callable, optional
+        Called as ``tell(rows_done, rows_total)``.
+    """
+    from .kernels.renewed import renew_rows
+
+    factors, variances = rows.factors.copy(), rows.variances.copy()
+    outside, sums, receivers = rows.outside.copy(), rows.sums.copy(), asked.receivers
+    m, n = factors.shape
+    counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
+    sky = CIESky(5, zenith_luminance_cd_m2=1.0) if scene.sky is None else scene.sky
+    lifts = np.zeros(m) if asked.lifts is None else asked.lifts
+    block = max(ROWS_PER_BLOCK, PAIRS_PER_BLOCK // max(n, 1))
+    for start in range(0, m, block):
+        some = slice(start, min(start + block, m))
+        renew_rows(
+            writable(receivers.nodes[some]),
+            writable(receivers.normals[some]),
+            writable(receivers.weights[some]),
+            writable(receivers.patches[some], np.int64),
+            writable(receivers.own[some], np.int64),
+            writable(lifts[some]),
+            asked.first + start,
+            asked.sources,
+            blockers,
+            near_ratio(eps),
+            eps,
+            LEVELS,
+            sky_tone(sky),
+            count_threads(),
+            changed.again[some],
+            changed.pairs[some],
+            factors[some],
+            variances[some],
+            outside[some],
+            sums[some],
+            counters[some],
+        )
+        if tell is not None:
+            tell(some.stop, m)
+    total = counters.sum(axis=0)
+    return Rows(factors, variances, {k: int(total[c]) for k, c in COUNTERS.items()}, outside, sums)
