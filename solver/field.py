@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,9 @@ from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
-from .large_rows import find_packed
-from .memory import is_packed
+from .large_rows import LEAST_ROWS, find_packed
+from .mean_light import MeanLight, by_rays
+from .memory import BLOCK_BYTES, PAIR_BYTES, is_packed
 from .mesh import Boxes
 from .mesher import Mesher
 from .mirror_light import MirrorLight
@@ -29,7 +31,7 @@ from .model.views import Sensors
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
 from .row_finder import FINE_SHARE, Ask, RowFinder
-from .sights import with_sights
+from .sights import unsighted, with_sights
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
@@ -45,6 +47,9 @@ BRIGHT = 4.0
 #: Error of factors told by one point against that of other unoccluded factors: it has either sign,
 #: and few elements come near to it.
 POINT_SHARE = 2.5
+#: Elements of large meshes get the light of lamps at many points down to this share of the aimed
+#: size.
+AVERAGED = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,19 +163,27 @@ class FieldSolver:
             unknowns = self.panes.in_the_open(Unknowns.of(elements, budget.basis), elements)
         of = unknowns.element
         with self.stages.run("form factors") as tell:
-            asked = Ask(budget, unknowns.receivers, sources, lifts[of])
+            told = budget.is_large and self.trace and by_rays(self.scene)
+            asked = Ask(
+                budget, unknowns.receivers, unsighted(sources) if told else sources, lifts[of]
+            )
             rows: Rows
-            by_elements = unknowns.basis is None and not (self.panes.any or self.mirrors.any)
-            if by_elements and is_packed(len(unknowns), len(elements)):
-                found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
-                rows, sees_out, raw = found
+            straight = not (self.panes.any or self.mirrors.any)
+            if straight and is_packed(len(unknowns), len(elements)):
+                known = asked, surfaces, unknowns, self._sees_out, tell
+                rows, sees_out, raw = find_packed(self._factors, *known)
+                factors = rows.factors
             else:
                 rows = self._factors.rows(asked, tell)
                 sees_out = self._sees_out(rows, unknowns.areas > 0.0)
                 raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
                 rows = self.panes.complete(rows, asked, elements, surfaces.areas, mesh=True)
-            factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
+                factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
+        if told and self.lamp_groups:
+            with self.stages.run("direct light"):
+                means = MeanLight(self.scene, self.blockers)
+                means.put(light.direct, surfaces, unknowns, (AVERAGED * budget.size) ** 2)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
             factors = factors + unknowns.evenly(mirrored.rows)
@@ -205,15 +218,27 @@ class FieldSolver:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
         weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
         with self.stages.run("iterated gather"):
-            finer = finer_light(field, weights, lambda some: self.light_at(some, budget, field))
+            gather = partial(self.light_at, budget=budget, field=field)
+            finer = finer_light(field, weights, gather, budget.gathered)
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
 
     def light_at(self, some: Unknowns, budget: Budget, field: Field) -> tuple[Gathered, FloatArray]:
         """Light at other points of the surfaces, found as that of the unknowns is.
 
-        Also the sums (k,) of their rows.
+        Also the sums (k,) of their rows. No more rows are held at a time than a block takes.
         """
+        step = max(LEAST_ROWS, BLOCK_BYTES // (PAIR_BYTES * len(field.sources.nets)))
+        if not budget.is_large or len(some) <= step:
+            return self._light_at(some, budget, field)
+        blocks = [np.arange(k, min(k + step, len(some))) for k in range(0, len(some), step)]
+        parts = [self._light_at(some.take(rows), budget, field) for rows in blocks]
+        lights, sums = zip(*parts, strict=True)
+        return Gathered.joined(lights), np.concatenate(sums)
+
+    def _light_at(
+        self, some: Unknowns, budget: Budget, field: Field
+    ) -> tuple[Gathered, FloatArray]:
         asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
         rows = self._factors.rows(asked)
         self._factors.close(rows, 1.0, asked, outside=field.sees_out)

@@ -108,7 +108,7 @@ def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
     return np.asarray(weight / np.average(weight, weights=areas) + ANYWHERE)
 
 
-def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
+def finer_light(field: Field, weights: FloatArray, gather: Gather, share: float = SHARE) -> Finer:
     """The light of ``field`` on halved elements.
 
     Parameters
@@ -119,8 +119,10 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
         Importance of the elements.
     gather : callable
         Light on unknowns, by the field's own, and the sums (k,) of their rows.
+    share : float
+        Rows that are found beyond those that always are, against those of the mesh.
     """
-    chosen, unseen = _chosen(field, weights)
+    chosen, unseen = _chosen(field, weights, share)
     if not len(chosen):
         return as_it_is(field)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
@@ -171,22 +173,22 @@ def as_it_is(field: Field) -> Finer:
     )
 
 
-def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
+def _chosen(field: Field, weights: FloatArray, share: float) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
     sent, arriving = luminous(field.all_sent), field.arriving.luminous()
     worth = np.zeros(len(weights))
-    for values, share in ((sent, weights), (arriving, ABSORBED)):
+    for values, matter in ((sent, weights), (arriving, ABSORBED)):
         level = unknowns.mean(values)
         spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
-        worth += (spread + LEAST * level) * surfaces.areas * share
+        worth += (spread + LEAST * level) * surfaces.areas * matter
     worth[~unknowns.can_halve(surfaces.elements)] = 0.0
     worth[len(field.sources.nets) :] = 0.0  # panes
     if field.system.scattering is not None:
         worth[field.system.scattering.share > 0.0] = 0.0  # known by whole elements
     order = np.argsort(-worth, kind="stable")
     order = order[worth[order] > 0.0]
-    count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
+    count = int(max(ROWS, share * len(unknowns))) // unknowns.halves_of
     left = float(worth[order[count:]].sum()), float(worth[order[:count]].sum())
     return np.sort(order[:count]), left[0] / left[1] if left[0] > 0.0 else 0.0
 

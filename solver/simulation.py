@@ -12,17 +12,15 @@ from .errors import GeometryError, InputError
 from .exchange import ROUNDING
 from .field import Field, FieldSolver
 from .incident import Gathered
-from .iterated import ROWS, Finer, as_it_is
+from .iterated import Finer
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
-from .memory import PAIR_BYTES, VARYING_BYTES, check_memory, fits, has_room
+from .memory import VARYING_BYTES, check_memory, fits, has_room
 from .mesh import Boxes
 from .mesh_error import MeshError
-from .mesh_sample import sampled_misplaced
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
-from .packed import PackedMatrix
 from .placement import check_placement
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
@@ -122,8 +120,12 @@ class _Simulation:
         self.budget = Budget.of(scene, accuracy)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
+        large = self.budget.is_large
         check_memory(
-            self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
+            self.budget.unknowns if large else self.budget.elements,
+            self.largest_grid,
+            least_elements=sides,
+            accuracy=accuracy,
         )
 
     def run(self) -> Result:
@@ -202,7 +204,7 @@ class _Simulation:
 
     def _fits(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
-        if varying and not has_room(VARYING_BYTES * elements**2):
+        if varying and elements <= VARYING_ELEMENTS and not has_room(VARYING_BYTES * elements**2):
             return False
         return fits(elements, self.largest_grid)
 
@@ -211,19 +213,11 @@ class _Simulation:
         budget = self.budget
         field = solver.solve(budget, boxes, misplaced)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
-        everywhere = False
-        if budget.is_large or not _has_room_for_pieces(field):
-            # Light of any source is known to be in the wrong place.
-            misplaced, everywhere = sampled_misplaced(solver, budget, field), True
-            self.stages.figures["sampled_misplaced_flux"] = misplaced
-            self.stages.skipped["iterated gather"] = (
-                f"{len(boxes)} elements: light is looked at more closely on some of them instead"
-            )
-        finer = as_it_is(field) if everywhere else solver.finer(field, budget, seen)
+        finer = solver.finer(field, budget, seen)
         balance = self._balance(field, finer, solver)
-        lamps = solver.lamp_groups
         lacking = abs(balance.residual_fraction)
-        error = MeshError(misplaced, lacking, finer.unseen, None if everywhere else tuple(lamps))
+        unseen = budget.unseen(finer.unseen)
+        error = MeshError(misplaced, lacking, unseen, tuple(solver.lamp_groups))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             gathered, change = solver.gather(grid, seen[k], field, finer)
@@ -364,11 +358,3 @@ def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
     Quadrature and rounding: the accuracy ``eps`` of unoccluded factors, and theirs, of the value.
     """
     return np.asarray(shift + 2.0 * light.deviation + (eps + ROUNDING) * light.luminous())
-
-
-def _has_room_for_pieces(field: Field) -> bool:
-    """Whether the rows of the iterated gather fit, where the matrix itself had to be packed."""
-    if not isinstance(field.system.factors, PackedMatrix):
-        return True
-    rows = max(ROWS, len(field.unknowns))
-    return has_room(PAIR_BYTES * rows * len(field.surfaces.elements))
