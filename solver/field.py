@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,9 @@ from .iterated import Finer, finer_light, weights_at
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
-from .large_rows import find_packed
-from .memory import is_packed
+from .large_rows import LEAST_ROWS, find_packed
+from .mean_light import MeanLight, by_rays
+from .memory import BLOCK_BYTES, PAIR_BYTES, is_packed
 from .mesh import Boxes
 from .mesh_error import doubt_at
 from .mesher import Mesher
@@ -38,7 +40,7 @@ from .radiosity import RadiositySystem
 from .renewed import renewed_rows
 from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
-from .sights import with_sights
+from .sights import unsighted, with_sights
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
@@ -54,6 +56,9 @@ BRIGHT = 4.0
 #: Error of factors told by one point against that of other unoccluded factors: it has either sign,
 #: and few elements come near to it.
 POINT_SHARE = 2.5
+#: Elements of large meshes get the light of lamps at many points down to this share of the aimed
+#: size.
+AVERAGED = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,12 +207,17 @@ class FieldSolver:
             unknowns = self.panes.in_the_open(Unknowns.of(elements, budget.basis), elements)
         of = unknowns.element
         with self.stages.run("form factors") as tell:
-            asked = Ask(budget, unknowns.receivers, sources, lifts[of])
+            told = budget.is_large and self.trace and by_rays(self.scene)
+            asked = Ask(
+                budget, unknowns.receivers, unsighted(sources) if told else sources, lifts[of]
+            )
+            every = self.panes.with_panes(sources, elements)
             rows: Rows
-            by_elements = unknowns.basis is None and not (self.panes.any or self.mirrors.any)
-            if by_elements and is_packed(len(unknowns), len(elements)):
-                found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
-                rows, sees_out, raw = found
+            straight = not (self.panes.any or self.mirrors.any)
+            if straight and is_packed(len(unknowns), len(elements)):
+                known = asked, surfaces, unknowns, self._sees_out, tell
+                rows, sees_out, raw = find_packed(self._factors, *known)
+                factors = rows.factors
             else:
 
                 def find() -> tuple[Rows, bool, FloatArray]:
@@ -229,12 +239,16 @@ class FieldSolver:
                     "form factors", asked, (), find, self._under_sky, renew
                 )
                 rows = self._through_panes(rows, asked, surfaces, mesh=unknowns.basis is None)
-            every = self.panes.with_panes(sources, elements)
-            factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
+                factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
+        if told and self.lamp_groups:
+            with self.stages.run("direct light"):
+                means = MeanLight(self.scene, self.blockers)
+                means.put(light.direct, surfaces, unknowns, (AVERAGED * budget.size) ** 2)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
-            factors = factors.copy() if factors is rows.factors else factors
+            shared = factors is rows.factors or self.kept.store is not None
+            factors = factors.copy() if shared else factors
             unknowns.add_evenly(factors, mirrored.rows)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
@@ -267,17 +281,11 @@ class FieldSolver:
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
         weights = weights_at([f for s in seen for f in s.factors], field.surfaces.areas)
-        flux = self._flux_of_lamps(field)
         with self.stages.run("iterated gather"):
             before = None if self.mesh_before is None else self.mesh_before.halved
-            finer = finer_light(
-                field,
-                weights,
-                lambda some: self.light_at(some, budget, field),
-                flux,
-                budget.eps,
-                before,
-            )
+            gather = partial(self.light_at, budget=budget, field=field)
+            lamps = self._flux_of_lamps(field), budget.eps
+            finer = finer_light(field, weights, gather, lamps, budget.gathered, before)
         self.stages.figures["lamp_flux_put_right"] = finer.put_right
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
@@ -298,8 +306,19 @@ class FieldSolver:
     def light_at(self, some: Unknowns, budget: Budget, field: Field) -> tuple[Gathered, FloatArray]:
         """Light at other points of the surfaces, found as that of the unknowns is.
 
-        Also the sums (k,) of their rows.
+        Also the sums (k,) of their rows. No more rows are held at a time than a block takes.
         """
+        step = max(LEAST_ROWS, BLOCK_BYTES // (PAIR_BYTES * len(field.sources.nets)))
+        if not budget.is_large or len(some) <= step:
+            return self._light_at(some, budget, field)
+        blocks = [np.arange(k, min(k + step, len(some))) for k in range(0, len(some), step)]
+        parts = [self._light_at(some.take(rows), budget, field) for rows in blocks]
+        lights, sums = zip(*parts, strict=True)
+        return Gathered.joined(lights), np.concatenate(sums)
+
+    def _light_at(
+        self, some: Unknowns, budget: Budget, field: Field
+    ) -> tuple[Gathered, FloatArray]:
         asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
 
         def find() -> tuple[Rows]:

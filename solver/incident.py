@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +62,13 @@ class Gathered:
             components[f"{group}.direct"] = direct
             components[f"{group}.indirect"] = indirect[group]
         return cls(components, np.sqrt(variance + light.variance))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Gathered]) -> Gathered:
+        """Light on the receivers of several, one after the other."""
+        names = parts[0].components
+        components = {name: np.concatenate([p.components[name] for p in parts]) for name in names}
+        return cls(components, np.concatenate([p.deviation for p in parts]))
 
     def luminous(self, kind: str = "") -> FloatArray:
         """Illuminance (m,), of one kind (``"direct"``, ``"indirect"``) or in all. [lx]"""

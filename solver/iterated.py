@@ -126,8 +126,8 @@ def finer_light(
     field: Field,
     weights: FloatArray,
     gather: Gather,
-    flux: dict[str, FloatArray],
-    eps: float,
+    lamps: tuple[dict[str, FloatArray], float],
+    share: float = SHARE,
     before: IntArray | None = None,
 ) -> Finer:
     """The light of ``field`` on halved elements.
@@ -140,14 +140,15 @@ def finer_light(
         Importance of the elements.
     gather : callable
         Light on unknowns, by the field's own, and the sums (k,) of their rows.
-    flux : dict of (b,) arrays
-        What lamps send to the scene, by light group, where that is known. [lm]
-    eps : float
-        Accuracy of form factors.
+    lamps : tuple of dict of (b,) arrays and float
+        What lamps send to the scene, by light group, where that is known [lm], and the accuracy of
+        form factors.
+    share : float
+        Rows that are found beyond those that always are, against those of the mesh.
     before : (c,) int array, optional
         Elements halved in a run before this one: they are again unless others matter more.
     """
-    chosen, unseen = _chosen(field, weights, before)
+    chosen, unseen = _chosen(field, weights, share, before)
     if not len(chosen):
         return as_it_is(field)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
@@ -159,7 +160,7 @@ def finer_light(
     components = {name: values.copy() for name, values in told.items()}
     for name, values in arriving.components.items():
         components[name][some] = values
-    shares = [0.0]
+    shares, (flux, eps) = [0.0], lamps
     for group, sent_on in flux.items():
         name = f"{group}.direct"
         components[name], share = put_right(
@@ -223,23 +224,23 @@ def as_it_is(field: Field) -> Finer:
 
 
 def _chosen(
-    field: Field, weights: FloatArray, before: IntArray | None = None
+    field: Field, weights: FloatArray, share: float, before: IntArray | None = None
 ) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
     sent, arriving = luminous(field.all_sent), field.arriving.luminous()
     worth = np.zeros(len(weights))
-    for values, share in ((sent, weights), (arriving, ABSORBED)):
+    for values, matter in ((sent, weights), (arriving, ABSORBED)):
         level = unknowns.mean(values)
         spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
-        worth += (spread + LEAST * level) * surfaces.areas * share
+        worth += (spread + LEAST * level) * surfaces.areas * matter
     whole = ~unknowns.can_halve(surfaces.elements)
     whole[len(field.sources.nets) :] = True  # panes
     if field.system.scattering is not None:
         whole |= field.system.scattering.share > 0.0  # known by whole elements
     order = np.argsort(-worth, kind="stable")
     order = order[(worth > 0.0)[order] & ~whole[order]]
-    count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
+    count = int(max(ROWS, share * len(unknowns))) // unknowns.halves_of
     chosen, total = np.sort(order[:count]), float(worth.sum())
     if before is not None and worth[chosen].sum() <= AS_GOOD * worth[before].sum():
         chosen = before

@@ -26,8 +26,12 @@ KEPT_BYTES = 4
 #: Unknowns up to which factors are kept in single precision; above, or where memory does not hold
 #: them so, they are packed.
 DENSE_UNKNOWNS = 16_000
-#: Bytes of a packed pair at most, and of the rows that are found at a time before they are packed.
-PACKED_BYTES, BLOCK_BYTES = 2, 256_000_000
+#: The same of light that varies over elements: four a whole element.
+VARYING_UNKNOWNS = 24_000
+#: Bytes of a packed pair at most, and of the rows that are found at a time before they are packed:
+#: arrays of up to 32 MB each are made in the same memory again and again, while fresh memory costs
+#: more time than to fill it.
+PACKED_BYTES, BLOCK_BYTES = 2, 80_000_000
 #: Bytes that each unknown takes while the packed system is solved: directions of GMRES, geometry.
 UNKNOWN_BYTES = 10_000
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
@@ -69,11 +73,13 @@ def needed_bytes(elements: int, largest_grid: int = 0, more: int = 0) -> int:
     return max(pair * elements**2, sensors + KEPT_BYTES * elements**2)
 
 
-def is_packed(rows: int, columns: int) -> bool:
-    """Whether factors of elements are packed: there are many, or memory does not hold them else."""
-    if columns > DENSE_UNKNOWNS:
+def is_packed(unknowns: int, elements: int) -> bool:
+    """Whether factors are packed: there are many, or memory does not hold them else."""
+    varying = unknowns > elements
+    if unknowns > (VARYING_UNKNOWNS if varying else DENSE_UNKNOWNS):
         return True
-    return rows * columns >= SMALL_MATRIX and not has_room(PAIR_BYTES * rows * columns)
+    need = PAIR_BYTES * unknowns * elements + (KEPT_BYTES * unknowns**2 if varying else 0)
+    return need >= PAIR_BYTES * SMALL_MATRIX and not has_room(need)
 
 
 def packed_room(columns: int) -> int | None:

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 #: What the light on halved elements may still have wrong, against how it changed on them, where
 #: what it has wrong adds up at random. 95 % of the sensors next to walls need as much.
 OF_CHANGE = 0.5
-#: Error of indirect light against a sampled share of light in the wrong place: what 95 % of the
-#: sensors of plain rooms need at most.
-OF_MISPLACED = 3.0
 #: Error of indirect light against the share of all light that is lacking or too much: it is not
 #: spread like the rest. What 95 % of the sensors of rooms with lamps close to the ceiling need.
 OF_LACKING = 1.5
@@ -37,22 +34,19 @@ class MeshError:
 
     Attributes
     ----------
-    misplaced : float
-        Share of the reflected light in the wrong place, where only a sample of the elements was
-        looked at more closely; else 0.
     lacking : float
         Share of the indirect light that comes of flux that the ledger lacks or has too much of, or
         that was put where it may not belong.
     unseen : float
-        Elements that the iterated gather left out, against those it looked at, by their worth.
+        By how much more light is wrong than the iterated gather changed: for elements that it left
+        out, by their worth against that of those it looked at.
     """
 
-    misplaced: float
     lacking: float
     unseen: float
 
     @classmethod
-    def of_finer(cls, finer: Finer, misplaced: float, residual: float) -> MeshError:
+    def of_finer(cls, finer: Finer, residual: float, unseen: float) -> MeshError:
         """That of ``finer`` light, of whose flux the ledger has the share ``residual`` wrong.
 
         Flux that is made or lost in the middle of the scene is reflected as all other is: of all
@@ -61,13 +55,12 @@ class MeshError:
         areas, arriving = finer.unknowns.areas, finer.arriving
         indirect = float(arriving.luminous("indirect") @ areas)
         more = float(arriving.luminous() @ areas) / indirect if indirect > 0.0 else 0.0
-        return cls(misplaced, OF_LACKING * (residual + finer.put_right) * more, finer.unseen)
+        return cls(OF_LACKING * (residual + finer.put_right) * more, unseen)
 
     def of(self, light: Gathered, doubt: FloatArray) -> FloatArray:
         """Error (m,) of the indirect ``light``, of which ``doubt`` (m,) is known. [lx]"""
         indirect = light.luminous("indirect")
-        told = np.maximum(doubt * (1.0 + self.unseen), OF_MISPLACED * self.misplaced * indirect)
-        return np.asarray(told + self.lacking * indirect)
+        return np.asarray(doubt * (1.0 + self.unseen) + self.lacking * indirect)
 
 
 def doubt_at(

@@ -60,7 +60,7 @@ class Nn93Simulation(Simulation):
         field = corners.as_field(found)
         finer = replace(as_it_is(field), shift=_difference(found, rough, coarse))
         balance = self._balance(field, finer, solver)
-        error = MeshError(0.0, 0.0, 0.0)
+        error = MeshError(0.0, 0.0)
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             eyes = Eyes.of_sensors(grid)

@@ -56,11 +56,11 @@ class Ask:
     share: float = 1.0
     first: int = 0
 
-    def block(self, rows: slice) -> Ask:
-        """Some of the rows, one after the other, as they are found among all."""
-        receivers = self.receivers.take(np.arange(rows.start, rows.stop))
+    def some(self, rows: IntArray) -> Ask:
+        """Some of the rows; those that follow one another as they are found among all."""
         lifts = None if self.lifts is None else self.lifts[rows]
-        return replace(self, receivers=receivers, lifts=lifts, first=self.first + rows.start)
+        first = self.first + int(rows[0])
+        return replace(self, receivers=self.receivers.take(rows), lifts=lifts, first=first)
 
     def taken(self, found: IntArray) -> Ask:
         """The rows ``found``."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .kernels.facets import Facets
 from .kernels.nets import CONVEX, PLANAR
+from .kernels.rows import Sources
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import surface_points
 from .model.elements import Elements
@@ -87,3 +88,10 @@ def _spheres(nets: FloatArray, ends: IntArray) -> FloatArray:
         sphere[:3] = 0.5 * (points.min(axis=0) + points.max(axis=0))
         sphere[3] = np.linalg.norm(points - sphere[:3], axis=1).max()
     return out
+
+
+def unsighted(sources: Sources) -> Sources:
+    """The same without lines of sight: bright elements are seen along meridians as all others."""
+    return sources._replace(
+        sight_units=sources.sight_units[:0], sight_clusters=sources.sight_clusters[:0]
+    )

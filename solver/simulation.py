@@ -12,18 +12,16 @@ from .errors import GeometryError, InputError
 from .exchange import ROUNDING
 from .field import Field, FieldSolver
 from .incident import Gathered
-from .iterated import ROWS, Finer, as_it_is
+from .iterated import Finer
 from .kept_placement import placement_remarks
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
-from .memory import PAIR_BYTES, check_memory, fits, has_room, varying_bytes
+from .memory import check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
-from .mesh_sample import sampled_misplaced
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
-from .packed import PackedMatrix
 from .reuse import STORE, Kept, Mesh, forget
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
@@ -166,8 +164,6 @@ class Simulation:
     ) -> None:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
-        # What decided on a mesh is known only for the boxes it was known for before balancing.
-        self.store = STORE if options.cache and not options.balanced else None
         self.balance = options.balanced
         self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
@@ -180,8 +176,13 @@ class Simulation:
         if len(STORE) and not self._is_roomy():
             forget()  # what is kept may be found again
             self.budget = Budget.of(scene, accuracy, self.basis)
+        large = self.budget.is_large
+        # What decided on a mesh is known for its boxes before balancing only; rows of large meshes
+        # take more than they are worth.
+        kept = options.cache and not options.balanced and not large
+        self.store = STORE if kept else None
         check_memory(
-            self.budget.elements,
+            self.budget.unknowns if large else self.budget.elements,
             self.largest_grid,
             least_elements=sides,
             accuracy=accuracy,
@@ -310,7 +311,8 @@ class Simulation:
 
     def _has_room(self, elements: int) -> bool:
         varying = self.budget.basis != "constant"
-        if varying and not has_room(varying_bytes(self.budget.basis, self.more) * elements**2):
+        dense = elements <= most_varying(self.budget.basis) if varying else False
+        if dense and not has_room(varying_bytes(self.budget.basis, self.more) * elements**2):
             return False
         return fits(elements, self.largest_grid, self.more)
 
@@ -339,16 +341,10 @@ class Simulation:
         budget = self.budget
         field = solver.solve(budget, boxes)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
-        misplaced = None
-        if budget.is_large or not _has_room_for_pieces(field):
-            misplaced = sampled_misplaced(solver, budget, field)
-            self.stages.figures["sampled_misplaced_flux"] = misplaced
-            self.stages.skipped["iterated gather"] = (
-                f"{len(boxes)} elements: light is looked at more closely on some of them instead"
-            )
-        finer = solver.finer(field, budget, seen) if misplaced is None else as_it_is(field)
+        finer = solver.finer(field, budget, seen)
         balance = self._balance(field, finer, solver)
-        error = MeshError.of_finer(finer, misplaced or 0.0, abs(balance.residual_fraction))
+        unseen = budget.unseen(finer.unseen)
+        error = MeshError.of_finer(finer, abs(balance.residual_fraction), unseen)
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             gathered, doubt = solver.gather(grid, seen[k], field, finer)
@@ -489,11 +485,3 @@ def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
     Quadrature and rounding: the accuracy ``eps`` of unoccluded factors, and theirs, of the value.
     """
     return np.asarray(shift + 2.0 * light.deviation + (eps + ROUNDING) * light.luminous())
-
-
-def _has_room_for_pieces(field: Field) -> bool:
-    """Whether the rows of the iterated gather fit, where the matrix itself had to be packed."""
-    if not isinstance(field.system.factors, PackedMatrix):
-        return True
-    rows = max(ROWS, len(field.unknowns))
-    return has_room(PAIR_BYTES * rows * len(field.surfaces.elements))

@@ -14,6 +14,7 @@ import argparse
 import json
 import multiprocessing
 import resource
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -31,13 +32,26 @@ TICKS = (1000, 2000, 4000, 8000, 16_000, 32_000, 64_000)
 SHOWN = ("form factors", "radiosity")
 
 
+class Talk:
+    """Tells on stderr, twice a minute at most, how far a run has come."""
+
+    def __init__(self) -> None:
+        self.start = self.last = time.perf_counter()
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        now = time.perf_counter()
+        if now - self.last > 30.0:
+            self.last = now
+            print(f"{now - self.start:6.0f} s: {stage} {done} of {total}", file=sys.stderr)
+
+
 def measure(side: int, accuracy: float) -> dict[str, Any]:
     """Solve one hall; seconds, bytes, and what of the light is known."""
     solve(large_room(1), accuracy=0.4)
     peak_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     scene = large_room(side)
     wall, cpu = time.perf_counter(), time.process_time()
-    result = solve(scene, accuracy=accuracy)
+    result = solve(scene, accuracy=accuracy, progress=Talk())
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     grid, counters = result.sensors["plane"], result.counters
     n = counters["elements"]
@@ -53,12 +67,13 @@ def measure(side: int, accuracy: float) -> dict[str, Any]:
         "stages": dict(result.stages),
         "peak_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
         "bytes_before": peak_before,
-        "matrix_bytes": 4 * n**2 if packed is None else packed,
+        "matrix_bytes": 4 * counters["unknowns"] ** 2 if packed is None else packed,
         "packed": packed is not None,
         "bytes_on_disk": counters.get("bytes_on_disk", 0),
         "matrix_products": counters["matrix_products"],
         "spectral_radius": result.settings["spectral_radius"],
-        "sampled_misplaced_flux": result.settings.get("sampled_misplaced_flux"),
+        "unknowns": counters["unknowns"],
+        "converged": result.converged,
         "ledger_residual": result.balance.residual_fraction,
         "mean_lx": float(grid.illuminance_lx.mean()),
         "median_stated_error": float(np.median(grid.error_lx / grid.illuminance_lx)),

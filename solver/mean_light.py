@@ -1,0 +1,171 @@
+"""Direct light of the lamps averaged over elements, from many points of each.
+
+The nodes of an element are few: of the shadows of furniture that repeats at even distances they may
+meet too many, or too few, on all elements alike. Here light is found at the middles of 6 x 6 equal
+parts of an element, or 2 x 2 of a small one, each with one ray to another place on every patch of
+the lamps: so the pairs of places are spread over element and lamp together, half shadows come out
+right on average, and what is left differs from element to element. What is wrong with the mean of
+an element is wrong with all that it sends on; how light varies over it is left to the nodes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .direct_light import LIFT, REACHED
+from .exchange import form_factor_matrix, make_sources
+from .kernels.pyramid import Blockers
+from .mesh import Boxes, elements_on
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import surface_points
+from .model.elements import Elements
+from .model.scene import SceneData
+from .raycast import RayCaster
+from .surfaces import Surfaces
+from .unknowns import Unknowns
+
+#: Points a direction in each element, and in small ones, and places a direction on each patch of a
+#: lamp.
+LOOK, LOOK_SMALL, PLACES = 6, 2, 4
+#: Relative accuracy of unoccluded form factors.
+EPS = 1e-3
+#: Pairs of point and lamp at a time: some 60 MB.
+PAIRS = 2_000_000
+#: Patches of lamps from which on looking would cost as much as the form factors.
+MOST_LAMPS = 2000
+#: Share of a point's light below which a patch of a lamp is taken to be in sight or not as the rest
+#: of them is.
+FAINT = 5e-3
+#: Light of the nodes against what is found from many points, below which it is taken for even.
+LEAST = 0.3
+#: Steps of the sequence that pairs points with places on the lamps.
+STEPS = 0.7548776662466927, 0.5698402909980532
+
+
+def by_rays(scene: SceneData) -> bool:
+    """Whether the light of lamps is told by rays: it goes straight, and they shine evenly."""
+    even = all(lamp.web is None and lamp.profile is None for lamp in scene.luminaires)
+    return even and not scene.glazings and int((scene.luminaire_index >= 0).sum()) <= MOST_LAMPS
+
+
+class MeanLight:
+    """Light of all lamps, averaged over elements.
+
+    Parameters
+    ----------
+    scene : SceneData
+        Geometry, and lamps that shine evenly.
+    blockers : Blockers
+        Its patches as obstacles.
+    """
+
+    def __init__(self, scene: SceneData, blockers: Blockers) -> None:
+        self.scene, self.blockers = scene, blockers
+        patch, side = np.nonzero(scene.luminaire_index >= 0)
+        whole = np.tile((0.0, 1.0, 0.0, 1.0), (len(patch), 1))
+        lamps = elements_on(scene.patches, Boxes(patch, side, whole))
+        self._places = surface_points(lamps.nets, *_middles(PLACES))[0]
+        self.lamp = scene.luminaire_index[patch, side]
+        self._exitance = np.array([one.exitance_lm_m2 for one in scene.luminaires])[self.lamp]
+        nets = scene.patches.control_points
+        self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
+        self._caster = RayCaster(scene.patches)
+        low, high = scene.patches.bounds()
+        self._lift = LIFT * float(np.linalg.norm(high - low))
+
+    def put(
+        self,
+        direct: dict[str, FloatArray],
+        surfaces: Surfaces,
+        unknowns: Unknowns,
+        least: float,
+    ) -> None:
+        """Scale ``direct`` irradiance (N, b) by light group to its means over the elements. [lx]
+
+        Those of less area than ``least`` [m²] are looked at in fewer points, and those that are
+        covered in part at their open nodes alone: they are left as they are.
+        """
+        elements = surfaces.elements
+        open_ = ~elements.buried.any(axis=1)
+        several = (elements.weights > 0.0).sum(axis=1) > 1
+        large = several | (elements.areas >= least)
+        for some, look in ((several, LOOK), (~several & large, LOOK), (~large, LOOK_SMALL)):
+            rows = np.flatnonzero(some & open_)
+            if len(rows):
+                self._put(direct, surfaces, unknowns, rows, look)
+
+    def _put(
+        self,
+        direct: dict[str, FloatArray],
+        surfaces: Surfaces,
+        unknowns: Unknowns,
+        rows: IntArray,
+        look: int,
+    ) -> None:
+        by_lamp = self.on(surfaces.elements, rows, look)
+        own = unknowns.of_elements(rows)
+        for group in dict.fromkeys(lamp.group for lamp in self.scene.luminaires):
+            new = np.zeros((len(rows), surfaces.emitted.shape[1]))
+            for k, lamp in enumerate(self.scene.luminaires):
+                if lamp.group == group:
+                    color = np.ones(1) if new.shape[1] == 1 else np.asarray(lamp.color)
+                    new += by_lamp[:, k, None] * color
+            old, values = unknowns.mean(direct[group])[rows], direct[group][own]
+            told = old > LEAST * new
+            factor = new / np.where(told, old, 1.0)
+            direct[group][own] = np.where(told[:, None], values * factor[:, None], new[:, None])
+
+    def on(self, elements: Elements, rows: IntArray, look: int = LOOK) -> FloatArray:
+        """Mean illuminance (k, lamps) of some elements by each luminaire. [lx]"""
+        u, v = _middles(look)
+        count, points_each = len(self.scene.luminaires), len(u)
+        out = np.zeros((len(rows), count))
+        step = max(1, PAIRS // (len(self.lamp) * points_each))
+        for start in range(0, len(rows), step):
+            some = rows[start : start + step]
+            points, su, sv = surface_points(elements.nets[some], u, v)
+            normals = np.cross(su, sv)
+            size = np.linalg.norm(normals, axis=2)
+            normals /= np.where(size > 0.0, size, 1.0)[..., None]
+            patches = np.repeat(elements.patch_index[some], points_each)
+            flat = points.reshape(-1, 3), normals.reshape(-1, 3)
+            light = self._at(*flat, patches, some).reshape(len(some), points_each, -1)
+            mean = np.einsum("kp,kpl->lk", size / size.sum(axis=1)[:, None], light)
+            np.add.at(out[start : start + step].T, self.lamp, mean)
+        return out
+
+    def _at(
+        self, points: FloatArray, normals: FloatArray, patches: IntArray, elements: IntArray
+    ) -> FloatArray:
+        """Illuminance (m, l) by each patch of the lamps, one ray to each. [lx]"""
+        factors = form_factor_matrix(
+            points[:, None],
+            normals[:, None],
+            np.ones((len(points), 1)),
+            patches,
+            self._sources,
+            self.blockers,
+            eps=EPS,
+            trace=False,
+        ).factors
+        light = factors * self._exitance
+        row, lamp = np.nonzero(light > FAINT * light.sum(axis=1, keepdims=True))
+        turn = np.arange(len(points) // len(elements)) + np.sqrt(2.0) * elements[:, None]
+        u, v = (np.floor(PLACES * np.mod(turn * step, 1.0)).ravel() for step in STEPS)
+        place = (u * PLACES + v).astype(np.int64)
+        start = points[row] + self._lift * normals[row]
+        way = self._places[lamp, place[row]] - start
+        asked = light[row, lamp]
+        seen = asked * ~self._caster.any_hit(start, way, t_max=REACHED)
+        asked, found = (np.bincount(row, w, minlength=len(points)) for w in (asked, seen))
+        # What was not asked is hidden as much as what was.
+        light *= (found / np.where(asked > 0.0, asked, 1.0))[:, None]
+        light[row, lamp] = seen
+        return light
+
+
+def _middles(k: int) -> tuple[FloatArray, FloatArray]:
+    """Parameters (k²,) of the middles of k x k equal parts."""
+    t = (np.arange(k) + 0.5) / k
+    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
+    return u, v
