@@ -156,6 +156,8 @@ class SensorLobes:
         u = np.where(self.elements.side[element] == 1, 1.0 - u, u)
         for pieces in np.unique(self._pieces[self._pieces > 0]):
             some = np.flatnonzero(self._pieces[element] == pieces)
+            if not len(some):
+                continue
             along_u, along_v = (lagrange(self._rule, int(pieces), t[some]) for t in (u, v))
             shares = (along_u[:, :, None] * along_v[:, None, :]).reshape(len(some), -1)
             rows = self._first[element[some]][:, None] + np.arange(shares.shape[1])

@@ -237,3 +237,29 @@ def test_closing_counts_sky_and_ground_among_the_elements():
     np.testing.assert_allclose(rows.outside[0, 1:3], [0.05 + third, 0.04 + third], rtol=1e-6)
     assert rows.outside[0, 0] == pytest.approx(1000.0 * (0.05 + third), rel=1e-6)
     assert rows.outside[0, 4] == pytest.approx(1e-6 * 2.0 / 3.0, rel=1e-6)
+
+
+def test_what_cannot_be_halved_is_left_unseen():
+    """Half of the floor lies under blocks that bury some nodes of most of its elements."""
+    from patchlight.solver.budget import Budget
+    from patchlight.solver.field import FieldSolver
+    from patchlight.solver.iterated import _chosen
+    from patchlight.solver.mesh import Boxes
+    from patchlight.solver.stages import Stages
+
+    lamp = ceiling(-0.5, 0.5, -0.5, 0.5, 1.3)
+    found = []
+    for size in (0.0, 1.9):
+        block = [Body(PatchSet.box((size, 1.1, 0.4), center=(0.2, 0.1, -1.3)))] if size else []
+        parts = setup(BOX, lamp, *block)
+        data = scene(parts, lamps=[(1, "lamp", 3000.0)])
+        solver = FieldSolver(data, parts.blockers, trace=True, stages=Stages())
+        budget = Budget.of(data, 0.3)
+        field = solver.solve(budget, Boxes.regular(budget.divisions, data.two_sided))
+        whole = field.unknowns.can_halve(field.surfaces.elements)
+        chosen, unseen = _chosen(field, np.ones(len(whole)))
+        assert set(chosen) <= set(np.flatnonzero(whole))
+        found.append((whole.all(), unseen))
+    (clear, nothing), (covered, some) = found
+    assert clear and nothing == pytest.approx(0.0, abs=1e-12)
+    assert not covered and 0.01 < some < 1.0
