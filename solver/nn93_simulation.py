@@ -22,6 +22,12 @@ from .nn93_field import CornerField, CornerSolver, Eyes
 from .simulation import Simulation, Solved
 from .stages import Stages
 
+#: Said with every result.
+STATED = (
+    "method nn93: errors are the difference to a mesh of twice the size; those of shadows and of "
+    "polygons are not in them"
+)
+
 
 class Nn93Simulation(Simulation):
     """One run by the method of 1993."""
@@ -49,6 +55,7 @@ class Nn93Simulation(Simulation):
         super().__init__(scene, accuracy, visibility, stages)
 
     def _solved(self, solver: FieldSolver) -> Solved:
+        self.stages.warnings.append(STATED)
         solver.highlights.conserving = False  # eq. 15 and 16
         corners = CornerSolver(solver, self.budget)
         fine, coarse = corners.boxes()
