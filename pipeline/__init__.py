@@ -35,13 +35,14 @@ if TYPE_CHECKING:
     from .grids import SensorGrid
     from .scene import Scene
     from .scene_file import load_scene
-    from .simulation import simulate
+    from .simulation import forget, simulate
 
 #: Module of every public name.
 _HOME = {
     "Scene": ".scene",
     "SensorGrid": ".grids",
     "simulate": ".simulation",
+    "forget": ".simulation",
     "load_scene": ".scene_file",
     "batch": ".batches",
     "BatchItem": ".batch_items",
@@ -90,6 +91,7 @@ __all__ = [
     "Site",
     "Sun",
     "batch",
+    "forget",
     "from_cadquery",
     "load_scene",
     "read_photometry",

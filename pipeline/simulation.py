@@ -25,6 +25,7 @@ def simulate(
     balanced_mesh: bool | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
+    cache: bool = True,
 ) -> Result:
     """Light in ``scene``: illuminance at its sensors and surfaces, pictures of its cameras.
 
@@ -51,6 +52,9 @@ def simulate(
         Called as ``progress(stage, done, total)``.
     threads : int, optional
         Threads of the solver; all cores when not given.
+    cache : bool
+        Whether to take what earlier runs of this process found and is still true: with the same
+        surfaces, form factors are. `patchlight.pipeline.forget` frees it.
 
     Returns
     -------
@@ -85,10 +89,18 @@ def simulate(
         balanced_mesh=balanced_mesh,
         progress=progress,
         threads=threads,
+        cache=cache,
     )
     times = {"started": started, "ended": _now()}
     result = dataclasses.replace(result, settings={**result.settings, **times})
     return with_requirements(result, scene) if isinstance(scene, Scene) else result
+
+
+def forget() -> None:
+    """Free all that earlier runs of this process have kept for later ones."""
+    from patchlight.solver.reuse import forget as forget_runs
+
+    forget_runs()
 
 
 def check_effort(accuracy: float | None, threads: int | None) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .memory import has_room, varying_bytes
+from .memory import has_room, more_bytes, varying_bytes
 from .mesh import divisions
 from .model.arrays import IntArray
 from .model.scene import SceneData
@@ -134,8 +134,8 @@ class Budget:
         if len(scene.patches) > MAX_ELEMENTS:
             # What is large holds many rooms, or a low one: as fine as the number of elements lets.
             middle = max(float(extent[0]), middle / MANY_ROOMS)
-        if scene.glazings:
-            basis = "constant"  # what passes panes, and what they scatter, is known by elements
+        if any(glazing.glass.diffuse > 0.0 for glazing in scene.glazings):
+            basis = "constant"  # what panes scatter is known by elements
         # The error of constant exitance falls with the square of the size, of varying one faster.
         size = 0.25 * middle * (accuracy / 0.02) ** (1.0 / 3.0)
         if basis == "constant":
@@ -169,8 +169,9 @@ class Budget:
             total = int(sides.sum())
         sensors = sum(len(grid) for grid in scene.sensors)
         large = total > MANY_ELEMENTS
+        more = scene_bytes(scene)
         for varying, otherwise in (("biquadratic", "bilinear"), ("bilinear", "constant")):
-            room = has_room(varying_bytes(varying) * int((1.0 + MORE) * total) ** 2)
+            room = has_room(varying_bytes(varying, more) * int((1.0 + MORE) * total) ** 2)
             if basis == varying and (total > most_varying(varying) or not room):
                 basis = otherwise
         held = most_varying(basis) if basis == "biquadratic" else MAX_ELEMENTS
@@ -243,6 +244,12 @@ class Budget:
 def most_varying(basis: str) -> int:
     """Elements up to which light varies over each: those with more nodes, fewer."""
     return VARYING_ELEMENTS * NODES["bilinear"] ** 2 // NODES[basis] ** 2
+
+
+def scene_bytes(scene: SceneData) -> int:
+    """What mirrors and panes of a scene take besides, a pair of receiver and element. [B]"""
+    mirrors = any(float(m.mirror_bands.max()) > 0.0 for m in scene.materials)
+    return more_bytes(mirrors=mirrors, panes=bool(scene.see_through.any()))
 
 
 def _lines(accuracy: float, elements: int) -> int:

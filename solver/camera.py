@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from .model.result import CameraImage, luminous
 from .model.scene import SceneData
 from .model.sky import direction
 from .model.views import Camera
-from .raycast import RayCaster
+from .raycast import Hits, RayCaster
 from .shine import MOST_MIRRORS, Seen, Shine
 from .skies import (
     ground_luminance,
@@ -157,7 +158,7 @@ class Renderer:
                 rgb[rows], illuminance[rows], normals[rows],
             )  # fmt: skip
             seen = Seen(origins[rows], d, hits, normals[rows], illuminance[rows])
-            self._shine.add_lobes(rgb[rows], seen)
+            self._shine.add_lobes(rgb[rows], seen, partial(self._emitted, d, hits))
             self._add_webs(rgb[rows], d, hits.patch, hits.facing)
             self._add_mirrors(rgb[rows], seen, bounces)
             if self._panes is not None:
@@ -166,19 +167,18 @@ class Renderer:
             patch[rows] = hits.patch
         return rgb, illuminance, depth, normals, patch
 
+    def _emitted(self, directions: FloatArray, hits: Hits, rows: IntArray) -> FloatArray:
+        """Luminance (k, 3) that surfaces emit by themselves where some rays hit. [cd/m²]"""
+        nets, start, order, boxes, corners, emitted, environment = self._shading
+        dark = (nets, start, order, boxes, np.zeros_like(corners), emitted, environment)
+        where = (hits.patch[rows], hits.u[rows], hits.v[rows], hits.facing[rows])
+        return _shaded(dark, directions[rows], *where)
+
     def _shaded(
         self, directions: FloatArray, patch: IntArray, u: FloatArray, v: FloatArray, side: IntArray
     ) -> FloatArray:
         """Luminance (m, 3) of surfaces where rays meet them. [cd/m²]"""
-        from .kernels.render import shade
-
-        rgb, lux, normals = (
-            np.zeros((len(patch), 3)),
-            np.zeros(len(patch)),
-            np.zeros((len(patch), 3)),
-        )
-        shade(*self._shading, frozen(directions), patch, u, v, side, rgb, lux, normals)
-        return rgb
+        return _shaded(self._shading, directions, patch, u, v, side)
 
     def _add_mirrors(self, rgb: FloatArray, seen: Seen, bounces: int) -> None:
         """Add to ``rgb`` (m, 3) what is seen in mirrors, and in mirrors seen in them."""
@@ -219,6 +219,23 @@ class Renderer:
             view[1:] |= change
             view[:-1] |= change
         return out.ravel()
+
+
+def _shaded(
+    shading: tuple[FloatArray | IntArray, ...],
+    directions: FloatArray,
+    patch: IntArray,
+    u: FloatArray,
+    v: FloatArray,
+    side: IntArray,
+) -> FloatArray:
+    """Luminance (m, 3) of surfaces where rays meet them. [cd/m²]"""
+    from .kernels.render import shade
+
+    m = len(patch)
+    rgb, lux, normals = np.zeros((m, 3)), np.zeros(m), np.zeros((m, 3))
+    shade(*shading, frozen(directions), patch, u, v, side, rgb, lux, normals)
+    return rgb
 
 
 def render(

@@ -24,8 +24,29 @@ FAINT = 0.02
 LIFT, REACHED = 1e-5, 0.999
 
 
+def lamp_boxes(scene: SceneData) -> Boxes:
+    """Emitting patch sides; those of uneven lamps in some pieces."""
+    patch, side = np.nonzero(scene.luminaire_index >= 0)
+    whole = np.tile((0.0, 1.0, 0.0, 1.0), (len(patch), 1))
+    return cut_evenly(scene, Boxes(patch, side, whole))
+
+
+def lamp_exitances(scene: SceneData, boxes: Boxes) -> FloatArray:
+    """Mean exitance (k,) of pieces of lamps. [lm/m²]"""
+    lamp = scene.luminaire_index[boxes.patch, boxes.side]
+    out = np.array([one.exitance_lm_m2 for one in scene.luminaires])[lamp]
+    if any(one.profile is not None for one in scene.luminaires):
+        emission = Emission.of(scene, elements_on(scene.patches, boxes), lamp, 1)
+        if emission is not None:
+            out[emission.element] = emission.mean
+    return out
+
+
 class DirectLight:
     """Light of all lamps: exact unoccluded form factors, and one ray to the middle of each patch.
+
+    A convex body's own horizon is in the form factors: what its middle lies behind is not hidden
+    by the body itself.
 
     Patches of uneven lamps are cut into some pieces first.
 
@@ -43,19 +64,15 @@ class DirectLight:
 
     def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool) -> None:
         self.blockers = blockers
-        patch, side = np.nonzero(scene.luminaire_index >= 0)
-        whole = np.tile((0.0, 1.0, 0.0, 1.0), (len(patch), 1))
-        boxes = cut_evenly(scene, Boxes(patch, side, whole))
+        boxes = lamp_boxes(scene)
         lamps = elements_on(scene.patches, boxes)
         self._areas, self._middles = lamps.areas, lamps.nodes.mean(axis=1)
-        lamp = scene.luminaire_index[boxes.patch, boxes.side]
-        self._exitance = np.array([one.exitance_lm_m2 for one in scene.luminaires])[lamp]
-        emission = Emission.of(scene, lamps, lamp, 1)
-        if emission is not None:
-            self._exitance[emission.element] = emission.mean
+        self._exitance = lamp_exitances(scene, boxes)
         nets = scene.patches.control_points
         self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
         self._caster = RayCaster(scene.without_panes.patches) if trace else None
+        self._solid = blockers.solid[np.minimum(boxes.patch, scene.opaque_count - 1)]
+        self._convex = blockers.bulging[self._solid] & (boxes.patch < scene.opaque_count)
         self._opaque = scene.opaque_count
         low, high = scene.patches.bounds()
         self._lift = LIFT * float(np.linalg.norm(high - low))
@@ -94,6 +111,11 @@ class DirectLight:
             start = points[row] + self._lift * normals[row]
             way = self._middles[lamp] - start
             hidden = self._caster.any_hit(start, way, t_max=REACHED)
+            doubted = np.flatnonzero(hidden & self._convex[lamp])
+            if len(doubted):
+                hits = self._caster.first_hit(start[doubted], way[doubted], t_max=REACHED)
+                own = self.blockers.solid[hits.patch] == self._solid[lamp[doubted]]
+                hidden[doubted[own]] = False
             factors[row[hidden], lamp[hidden]] = 0.0
         share = np.clip(factors, 1e-12, 1.0 - 1e-6)
         distance = np.sqrt(self._areas / np.pi * (1.0 / share - 1.0))

@@ -149,7 +149,11 @@ class Scan:
 
 
 def make_sources(
-    elements: Elements, patch_nets: FloatArray, cell_eps: FloatArray, scan: Scan | None = None
+    elements: Elements,
+    patch_nets: FloatArray,
+    cell_eps: FloatArray,
+    scan: Scan | None = None,
+    dim: FloatArray | None = None,
 ) -> Sources:
     """Pack elements as sources; they must be sorted by patch and side, as `make_elements` does.
 
@@ -163,6 +167,8 @@ def make_sources(
         Form factor below which a partly hidden cell is sampled.
     scan : Scan, optional
         Finds the shares of weak pairs along meridians; without, every pair is traced.
+    dim : (n,) array, optional
+        Share of the error allowed to unoccluded factors that each may have; all of it by default.
     """
     key = elements.patch_index * 2 + elements.side
     first = np.flatnonzero(np.concatenate([[True], np.diff(key) != 0]))
@@ -199,6 +205,7 @@ def make_sources(
         azimuths=meridians(0 if scan is None else scan.lines),
         exact_above=np.zeros(len(key)) if scan is None else writable(scan.exact_above),
         point_from=_point_from(edges, scan),
+        dim=np.ones(len(key)) if dim is None else writable(dim),
         **edges._asdict(),
         **(no_facets() if scan is None else scan.facets)._asdict(),
     )

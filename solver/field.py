@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,23 +11,29 @@ from .budget import Budget
 from .containment import Containment
 from .exchange import Rows, Scan, make_sources
 from .exchange import products as multiplied
+from .fineness import Fineness
 from .highlights import Highlights
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
+from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .large_rows import find_packed
 from .memory import is_packed
 from .mesh import Boxes
+from .mesh_error import doubt_at
 from .mesher import Mesher
 from .mirror_light import MirrorLight
 from .mirrors import Reflections
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, IntArray, MatrixArray
+from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
+from .moved import with_rows
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
+from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .sights import with_sights
 from .stages import Stages
@@ -56,7 +62,9 @@ class Field:
     surfaces : Surfaces
         The elements and their optical state.
     sources : Sources
-        The elements as the kernels see them.
+        The elements as the kernels see them, those of panes apart.
+    every : Sources
+        All of them, to divide their form factors among the unknowns.
     lifts : (n,) array
         How far facets may lie before them. [m]
     unknowns : Unknowns
@@ -73,12 +81,13 @@ class Field:
         Light on the unknowns.
     sent : dict of (N, b) arrays
         Reflected exitance of the unknowns by light group. [lm/m²]
-    misplaced : float
-        Share of the reflected light that the elements have in the wrong place.
+    fineness : Fineness
+        Of the sources.
     """
 
     surfaces: Surfaces
     sources: Sources
+    every: Sources
     lifts: FloatArray
     unknowns: Unknowns
     system: RadiositySystem
@@ -87,7 +96,7 @@ class Field:
     sees_out: bool
     arriving: Gathered
     sent: dict[str, FloatArray]
-    misplaced: float = 0.0
+    fineness: Fineness
 
     @property
     def all_sent(self) -> FloatArray:
@@ -110,6 +119,11 @@ class SensorRows:
     light: Light
     mirrored: Reflections | None
 
+    @property
+    def factors(self) -> list[MatrixArray]:
+        """Form factors (m, n) of the elements, and those by way of mirrors, if there are any."""
+        return [self.rows.factors, *([] if self.mirrored is None else [self.mirrored.rows])]
+
 
 class FieldSolver:
     """Solves a scene on meshes of different size.
@@ -126,6 +140,8 @@ class FieldSolver:
         Receives times, counters and reasons.
     tester : Containment, optional
         Of the scene; made here where there is none yet.
+    kept : Kept, optional
+        What runs before this one have found; nothing when not given.
     """
 
     def __init__(
@@ -136,25 +152,50 @@ class FieldSolver:
         trace: bool,
         stages: Stages,
         tester: Containment | None = None,
+        kept: Kept | None = None,
     ) -> None:
+        self.kept = Kept(scene, stages=stages) if kept is None else kept
+        #: Of a run before this one, where it is taken again.
+        self.mesh_before: Mesh | None = None
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self.panes = PaneField(scene, blockers, trace=trace, stages=stages)
         #: All there is is one convex cavity.
         self.in_cavity = is_single(blockers, blockers.hollow) and not self.panes.any
         self._factors = RowFinder(scene, blockers, trace=trace, stages=stages)
-        self._incidence = Incidence(scene, blockers, self.panes, trace=trace, stages=stages)
-        self.mesher = Mesher(scene, blockers, trace=trace, stages=stages, tester=tester)
+        self._incidence = Incidence(
+            scene, blockers, self.panes, trace=trace, stages=stages, kept=self.kept
+        )
+        self.mesher = Mesher(
+            scene, blockers, trace=trace, stages=stages, tester=tester, kept=self.kept
+        )
+        # Where the sky is told exactly, what the meridians see of it does not count.
+        horizon = self._incidence.horizon
+        exact = horizon.is_plain and bool((blockers.flags & PLANAR != 0).all())
+        self._under_sky = None if exact else self._factors.rows
         self.bands, self.webs = self._incidence.bands, self._incidence.webs
         self.lamp_groups = self._incidence.lamp_groups
-        self.mirrors = MirrorLight(scene, blockers, self.webs, self.bands, stages)
+        # A cavity hides nothing, but ends light.
+        ends = trace or self.in_cavity
+        self.mirrors = MirrorLight(
+            scene, blockers, self.webs, self.bands, trace=ends, kept=self.kept
+        )
         self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
-    def solve(self, budget: Budget, boxes: Boxes, misplaced: float = 0.0) -> Field:
-        """Solve on elements over ``boxes``, which have that share of reflected light misplaced."""
+    def solve(self, budget: Budget, boxes: Boxes) -> Field:
+        """Solve on elements over ``boxes``."""
         with self.stages.run("elements"):
-            elements = self.mesher.elements(budget, boxes)
+            elements = self.kept.find(
+                "elements", (budget, boxes), lambda: self.mesher.elements(budget, boxes)
+            )
             surfaces = Surfaces.of(self.scene, elements, self.bands)
-            sources, lifts = self._sources(budget, surfaces)
+            fineness = self._fineness(budget, surfaces)
+            if self.mesh_before is not None:
+                fineness = self.mesh_before.fine_enough(boxes, fineness)
+            sources, lifts = self.kept.find(
+                "sources",
+                (budget, boxes, fineness),
+                lambda: self._sources(budget, elements, fineness),
+            )
             unknowns = self.panes.in_the_open(Unknowns.of(elements, budget.basis), elements)
         of = unknowns.element
         with self.stages.run("form factors") as tell:
@@ -165,15 +206,36 @@ class FieldSolver:
                 found = find_packed(self._factors, asked, surfaces, self._sees_out, tell)
                 rows, sees_out, raw = found
             else:
-                rows = self._factors.rows(asked, tell)
-                sees_out = self._sees_out(rows, unknowns.areas > 0.0)
-                raw = self._factors.close(rows, 1.0, asked, outside=sees_out)
-                rows = self.panes.complete(rows, asked, elements, surfaces.areas, mesh=True)
-            factors = unknowns.factors(rows, asked.receivers, sources, budget.moments)
+
+                def find() -> tuple[Rows, bool, FloatArray]:
+                    rows = self._factors.rows(asked, tell)
+                    sees_out = self._sees_out(rows, unknowns.areas > 0.0)
+                    return rows, sees_out, self._factors.close(rows, 1.0, asked, outside=sees_out)
+
+                def renew(
+                    old: tuple[Rows, bool, FloatArray], at: IntArray
+                ) -> tuple[Rows, bool, FloatArray] | None:
+                    part = asked.taken(at)
+                    new, sees_out = self._factors.rows(part, tell), old[1]
+                    now = with_rows(old[0], new, at)
+                    if self._sees_out(now, unknowns.areas > 0.0) != sees_out:
+                        return None
+                    raw = old[2].copy()
+                    raw[at] = self._factors.close(new, 1.0, part, outside=sees_out)
+                    now.put(at, new)
+                    return now, sees_out, raw
+
+                rows, sees_out, raw = self.kept.rows(
+                    "form factors", asked, (), find, self._under_sky, renew
+                )
+                rows = self._through_panes(rows, asked, surfaces, mesh=unknowns.basis is None)
+            every = self.panes.with_panes(sources, elements)
+            factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
-            factors = factors + unknowns.evenly(mirrored.rows)
+            factors = factors.copy() if factors is rows.factors else factors
+            unknowns.add_evenly(factors, mirrored.rows)
         with self.stages.run("radiosity"):
             rho = surfaces.reflectance[of]
             system = RadiositySystem(
@@ -190,6 +252,7 @@ class FieldSolver:
         return Field(
             surfaces=surfaces,
             sources=sources,
+            every=every,
             lifts=lifts,
             unknowns=unknowns,
             system=system,
@@ -198,16 +261,39 @@ class FieldSolver:
             sees_out=sees_out,
             arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
             sent=sent,
-            misplaced=misplaced,
+            fineness=fineness,
         )
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""
-        weights = weights_at([s.rows.factors for s in seen], field.surfaces.areas)
+        weights = weights_at([f for s in seen for f in s.factors], field.surfaces.areas)
+        flux = self._flux_of_lamps(field)
         with self.stages.run("iterated gather"):
-            finer = finer_light(field, weights, lambda some: self.light_at(some, budget, field))
+            before = None if self.mesh_before is None else self.mesh_before.halved
+            finer = finer_light(
+                field,
+                weights,
+                lambda some: self.light_at(some, budget, field),
+                flux,
+                budget.eps,
+                before,
+            )
+        self.stages.figures["lamp_flux_put_right"] = finer.put_right
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
+
+    def _flux_of_lamps(self, field: Field) -> dict[str, FloatArray]:
+        """What lamps (b,) send to the scene, by light group, where form factors alone tell. [lm]"""
+        if self.panes.any or self.mirrors.any:
+            return {}
+        surfaces, scene = field.surfaces, self.scene
+        kept = surfaces.areas * field.unknowns.mean(field.kept)
+        other = {lamp.group for lamp in scene.luminaires if lamp.web or lamp.profile}
+        return {
+            group: kept @ surfaces.emitted_by(scene, group)
+            for group in self.lamp_groups
+            if group not in other
+        }
 
     def light_at(self, some: Unknowns, budget: Budget, field: Field) -> tuple[Gathered, FloatArray]:
         """Light at other points of the surfaces, found as that of the unknowns is.
@@ -215,12 +301,26 @@ class FieldSolver:
         Also the sums (k,) of their rows.
         """
         asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
-        rows = self._factors.rows(asked)
-        self._factors.close(rows, 1.0, asked, outside=field.sees_out)
-        rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
+
+        def find() -> tuple[Rows]:
+            rows = self._factors.rows(asked)
+            self._factors.close(rows, 1.0, asked, outside=field.sees_out)
+            return (rows,)
+
+        def renew(old: tuple[Rows], at: IntArray) -> tuple[Rows]:
+            part = asked.taken(at)
+            new = self._factors.rows(part)
+            self._factors.close(new, 1.0, part, outside=field.sees_out)
+            return (with_rows(old[0], new, at),)
+
+        (rows,) = self.kept.rows(
+            "iterated gather", asked, (field.sees_out,), find, self._under_sky, renew
+        )
+        rows = self._through_panes(rows, asked, field.surfaces)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
         mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out)
-        indirect = gathered(rows, mirrored, asked, field.unknowns, [*field.sent.values()])
+        columns = [*field.sent.values()]
+        indirect = self._gathered(rows, mirrored, asked, field.every, field.unknowns, columns)
         variance = variance_of(rows, mirrored, luminous(field.exitance_told))
         found = Gathered.of(light, dict(zip(field.sent, indirect, strict=True)), variance)
         return found, self.mirrors.kept(rows, mirrored, field.surfaces)
@@ -239,14 +339,30 @@ class FieldSolver:
         if field.surfaces.emission is not None:
             # Which part of a lamp is hidden counts where its parts differ.
             fine.exact_above[field.surfaces.emission.element] = 0.0
+        light = self._incidence.from_outside(receivers, budget, field.sees_out)
+        closed = not field.sees_out or {"sky", "ground"} <= set(light.direct)
         with self.stages.run("sensors") as tell:
             asked = Ask(budget, receivers, fine, share=FINE_SHARE)
-            rows = self._factors.rows(asked, tell)
-        light = self._incidence.from_outside(receivers, budget, field.sees_out)
-        if not field.sees_out or {"sky", "ground"} <= set(light.direct):
-            totals = 1.0 - light.outside
-            self._factors.close(rows, totals, asked, spread=light.outside_variance)
-        rows = self.panes.complete(rows, asked, field.surfaces.elements, field.surfaces.areas)
+
+            def find() -> tuple[Rows]:
+                rows = self._factors.rows(asked, tell)
+                if closed:
+                    totals = 1.0 - light.outside
+                    self._factors.close(rows, totals, asked, spread=light.outside_variance)
+                return (rows,)
+
+            def renew(old: tuple[Rows], at: IntArray) -> tuple[Rows]:
+                part = asked.taken(at)
+                new = self._factors.rows(part, tell)
+                if closed:
+                    totals, spread = 1.0 - light.outside[at], light.outside_variance[at]
+                    self._factors.close(new, totals, part, spread=spread)
+                return (with_rows(old[0], new, at),)
+
+            (rows,) = self.kept.rows(
+                "sensors", asked, (closed,), find, renew=renew, which=grid.name
+            )
+        rows = self._through_panes(rows, asked, field.surfaces)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
         mirrored = self.mirrors.add(light, rows, field.surfaces, asked, field.sees_out, fine=True)
         return SensorRows(asked, rows, light, mirrored)
@@ -254,16 +370,19 @@ class FieldSolver:
     def gather(
         self, grid: Sensors, seen: SensorRows, field: Field, finer: Finer
     ) -> tuple[Gathered, FloatArray]:
-        """Light at sensors, and by how much (m,) the finer light changed the indirect part. [lx]"""
+        """Light at sensors, and how far (m,) its indirect part may be wrong by the mesh. [lx]"""
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
-            found = gathered(seen.rows, seen.mirrored, asked, finer.unknowns, columns)
+            every, unknowns = field.every, finer.unknowns
+            found = self._gathered(seen.rows, seen.mirrored, asked, every, unknowns, columns)
         *parts, change = found
         indirect = dict(zip(finer.sent, parts, strict=True))
         variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
         light = Gathered.of(seen.light, indirect, variance)
         light = self.highlights.added(light, grid, seen.rows, field, finer, asked.budget)
-        return light, np.abs(luminous(change))
+        elements = field.surfaces.elements
+        doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change))
+        return light, doubt
 
     def outside(self, receivers: Receivers, budget: Budget) -> Light:
         """Direct light of sky, sun and ground on any receivers, as at sensors."""
@@ -282,48 +401,80 @@ class FieldSolver:
             leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
         return bool(leaves.any())
 
-    def _sources(self, budget: Budget, surfaces: Surfaces) -> tuple[Sources, FloatArray]:
-        """Elements as sources, and how far their facets leave them.
+    def _gathered(
+        self,
+        rows: Rows,
+        mirrored: Reflections | None,
+        asked: Ask,
+        every: Sources,
+        unknowns: Unknowns,
+        sent: list[FloatArray],
+    ) -> list[FloatArray]:
+        """Light (m, b), straight and by mirrors, of each of ``sent`` (N, b) by the unknowns."""
+        columns = np.concatenate(sent, axis=1)
+        found = self.kept.gather(unknowns, rows, replace(asked, sources=every), columns)
+        if mirrored is not None:
+            found = found + multiplied(mirrored.rows, unknowns.mean(columns))
+        return np.split(found, len(sent), axis=1)
 
-        The brighter one is, the finer its partly hidden cells are cut, and the weaker are the
-        pairs that are traced.
-        """
-        elements = self.panes.opaque(surfaces.elements)
-        emitted, areas = (a[: len(elements)] for a in (luminous(surfaces.emitted), surfaces.areas))
-        mean = float(emitted @ areas) / float(areas.sum())
+    def _through_panes(
+        self, rows: Rows, asked: Ask, surfaces: Surfaces, *, mesh: bool = False
+    ) -> Rows:
+        """Closed rows with what panes keep back and what they send; ``rows`` stay as they are."""
+        if not self.panes.any:
+            return rows
+        of = (surfaces.elements, surfaces.areas)
+        glass = self.scene.glazings, self.scene.glass_index, surfaces.elements.boxes
+
+        def complete() -> Rows:
+            own = replace(rows, factors=rows.factors.copy(), variances=rows.variances.copy())
+            return self.panes.complete(own, asked, *of, mesh=mesh)
+
+        through = self.kept.of_rows("panes", rows, (glass, surfaces.areas, mesh), complete)
+        return replace(through, outside=rows.outside)  # of the sky as it is now
+
+    def _fineness(self, budget: Budget, surfaces: Surfaces) -> Fineness:
+        """How finely each source is told: the brighter one is, the finer."""
+        count = len(self.panes.opaque(surfaces.elements))
+        emitted, areas = (a[:count] for a in (luminous(surfaces.emitted), surfaces.areas))
+        # What all there is would get of the lamps' light, or a box about it where most escapes.
+        mean = float(emitted @ areas) / max(float(areas.sum()), self._box_area)
+        dim = np.minimum(mean / np.maximum(emitted, max(mean, 1e-300)), 1.0)
         cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
         cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
         cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)
-        nets = self.scene.patches.control_points
+        return Fineness(cell_eps, emitted > BRIGHT * mean, dim)
+
+    @property
+    def _box_area(self) -> float:
+        """Surface of the box about all patches and sensors. [m²]"""
+        ends = [self.scene.patches.bounds(), *((g.points, g.points) for g in self.scene.sensors)]
+        low = np.min([np.min(np.atleast_2d(a), axis=0) for a, _ in ends], axis=0)
+        high = np.max([np.max(np.atleast_2d(b), axis=0) for _, b in ends], axis=0)
+        x, y, z = high - low
+        return float(2.0 * (x * y + y * z + z * x))
+
+    def _sources(
+        self, budget: Budget, elements: Elements, fineness: Fineness
+    ) -> tuple[Sources, FloatArray]:
+        """Elements as sources, and how far their facets leave them.
+
+        The finer cells of one are cut, the weaker are the pairs that are traced.
+        """
+        nets, opaque = self.scene.patches.control_points, self.panes.opaque(elements)
         if not self.trace:
-            sources = make_sources(elements, nets, cell_eps)
-            return sources, np.zeros(len(surfaces.elements))
-        facets, lifts = make_facets(elements, nets, self.blockers.closed, self.blockers.solid)
-        bright = emitted > BRIGHT * mean
-        facets = with_sights(facets, elements, self.blockers.solid, bright, budget.sights)
-        exact_above = np.full(len(emitted), budget.exact_above)
+            sources = make_sources(opaque, nets, fineness.cell_eps, dim=fineness.dim)
+            return sources, np.zeros(len(elements))
+        facets, lifts = make_facets(opaque, nets, self.blockers.closed, self.blockers.solid)
+        facets = with_sights(facets, opaque, self.blockers.solid, fineness.bright, budget.sights)
+        cell_eps = fineness.cell_eps
+        exact_above = np.full(len(cell_eps), budget.exact_above)
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
         scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
-        sources = make_sources(elements, nets, cell_eps, scan)
-        return sources, self.panes.lifts(lifts, surfaces.elements)
-
-
-def gathered(
-    rows: Rows,
-    mirrored: Reflections | None,
-    asked: Ask,
-    unknowns: Unknowns,
-    sent: list[FloatArray],
-) -> list[FloatArray]:
-    """Light (m, b), straight and by mirrors, of each of ``sent`` (N, b) by the unknowns."""
-    columns = np.concatenate(sent, axis=1)
-    how = (asked.receivers, asked.sources, asked.budget.moments)
-    found = unknowns.gather(rows, *how, columns)
-    if mirrored is not None:
-        found = found + multiplied(mirrored.rows, unknowns.mean(columns))
-    return np.split(found, len(sent), axis=1)
+        sources = make_sources(opaque, nets, cell_eps, scan, fineness.dim)
+        return sources, self.panes.lifts(lifts, elements)
 
 
 def variance_of(rows: Rows, mirrored: Reflections | None, sent: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ from .model.patches import PatchSet
 
 if TYPE_CHECKING:
     from .kernels.glossy import Beyond, Shining
+    from .kernels.panes import Panes
     from .kernels.paths import Sides, Tree
 
 #: Luminance that does not matter, against the brightest source, where there is nothing else.
@@ -83,6 +84,7 @@ def specular_radiance(
     """
     from .kernels.glossy import Beyond, Lobe
     from .kernels.paths import Sides, Tree
+    from .panes import no_panes
     from .raycast import RayCaster
 
     x = np.atleast_2d(frozen(points))
@@ -116,7 +118,7 @@ def specular_radiance(
     floors = np.full(len(x), _DARK * float(level.max(initial=0.0)))
     light = radiance(
         x, n, view, exponents, floors, lobe, shining, none, none, beyond,
-        Tree(*RayCaster(every).arrays), sides,
+        Tree(*RayCaster(every).arrays), no_panes(), sides,
     )  # fmt: skip
     return np.asarray(specular * light[:, 0])
 
@@ -166,6 +168,7 @@ def radiance(
     emitted: FloatArray,
     beyond: Beyond,
     tree: Tree,
+    panes: Panes,
     sides: Sides,
 ) -> FloatArray:
     """Radiance (m, c) for a glossy reflectance of 1, and in column c the albedo of the lobe.
@@ -186,7 +189,7 @@ def radiance(
         writable(points[front]), writable(normals[front]), writable(axes[front]),
         writable(exponents[front]), writable(floors[front]), lobe,
         np.ascontiguousarray(np.stack([nodes, weights], axis=1)), shining, writable(light),
-        writable(emitted), beyond, tree, sides, some,
+        writable(emitted), beyond, tree, panes, sides, some,
     )  # fmt: skip
     out[front] = some
     return out

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,15 +9,17 @@ import numpy as np
 
 from .budget import Budget
 from .model.arrays import FloatArray, IntArray
-from .model.bezier import bernstein, bernstein_derivative, gauss_rule
+from .model.bezier import bernstein, bernstein_derivative
 from .model.result import luminous
 from .model.views import Sensors
+from .panes import shares_through
 from .raycast import RayCaster
 from .second_pass import SecondPass
+from .unknowns import lagrange
 
 if TYPE_CHECKING:
-    from .field import Field
     from .incident import Gathered
+    from .iterated import Finer
 
 #: Form factor of a glossy element that does not matter.
 _LEAST = 1e-7
@@ -85,28 +86,31 @@ class SensorLobes:
     ----------
     second : SecondPass
         Of the scene.
-    field : Field
-        The solution.
+    finer : Finer
+        The solution that sensors gather.
     budget : Budget
         Tolerances.
     """
 
-    def __init__(self, second: SecondPass, field: Field, budget: Budget) -> None:
+    def __init__(self, second: SecondPass, finer: Finer, budget: Budget) -> None:
         self.second, self.budget = second, budget
         self.elements = elements = second.surfaces.elements
         where = (elements.patch_index, elements.side)
         self.specular = second.sides.specular[where]
         self.exponent = second.sides.exponent[where]
         self.glossy = np.flatnonzero(self.specular.any(axis=1))
-        parts, unknowns = field.arriving.components, field.unknowns
-        self._arriving = np.stack(
-            [parts[f"{g}.direct"] + parts[f"{g}.indirect"] for g in second.groups], axis=1
-        )
+        # What is taken away is what sensors were given: of the light that is sent, not of that
+        # which arrives where it was looked at.
+        unknowns, rho = finer.unknowns, second.surfaces.reflectance
+        sent = np.stack([finer.sent[g] for g in second.groups], axis=1)
+        self._arriving = sent / np.where(rho > 0.0, rho, 1.0)[unknowns.element, None, :]
         self._mean = unknowns.mean(self._arriving)
-        count = np.bincount(unknowns.element, minlength=len(elements))
         self._first = np.searchsorted(unknowns.element, np.arange(len(elements)))
-        self._order = math.isqrt(int(count.max(initial=1)))
-        self._whole = count == self._order**2
+        basis = unknowns.basis
+        self._rule = np.zeros(1) if basis is None else basis.rule
+        none = np.zeros(len(elements), np.int64)
+        #: Pieces a direction between whose nodes light varies; 0 where it is even.
+        self._pieces = none if basis is None else basis.pieces
         self.caster = RayCaster(second.scene.without_panes.patches)
 
     def change(
@@ -146,17 +150,16 @@ class SensorLobes:
     def _irradiance(self, element: IntArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Illuminance (k, g, b) at places (k,) on elements, or its mean where nodes lack. [lx]"""
         out = self._mean[element]
-        whole = np.flatnonzero(self._whole[element])
-        own = element[whole]
-        u0, u1, v0, v1 = self.elements.boxes[own].T
-        share_u = _between((u[whole] - u0) / (u1 - u0), self._order)
-        share_v = _between((v[whole] - v0) / (v1 - v0), self._order)
+        u0, u1, v0, v1 = self.elements.boxes[element].T
+        u, v = (u - u0) / (u1 - u0), (v - v0) / (v1 - v0)
         # Nets of − sides run the other way along u.
-        back = self.elements.side[own] == 1
-        share_u[back] = share_u[back, ::-1]
-        shares = (share_u[:, :, None] * share_v[:, None, :]).reshape(len(own), -1)
-        rows = self._first[own][:, None] + np.arange(self._order**2)
-        out[whole] = np.einsum("kq,kqgb->kgb", shares, self._arriving[rows])
+        u = np.where(self.elements.side[element] == 1, 1.0 - u, u)
+        for pieces in np.unique(self._pieces[self._pieces > 0]):
+            some = np.flatnonzero(self._pieces[element] == pieces)
+            along_u, along_v = (lagrange(self._rule, int(pieces), t[some]) for t in (u, v))
+            shares = (along_u[:, :, None] * along_v[:, None, :]).reshape(len(some), -1)
+            rows = self._first[element[some]][:, None] + np.arange(shares.shape[1])
+            out[some] = np.einsum("kq,kqgb->kgb", shares, self._arriving[rows])
         return out
 
     def _begin(self, seen: FloatArray) -> tuple[Cells, IntArray]:
@@ -228,6 +231,12 @@ class SensorLobes:
                 at[rows], away[rows], t_min=second.near, t_max=distance[rows] - second.near
             )
             weight[rows[0][hidden], rows[1][hidden]] = 0.0
+        if len(second.panes.nets):
+            rows = np.nonzero(weight > 0.0)
+            far = distance[rows] - second.near
+            weight[rows] *= shares_through(
+                second.panes, at[rows], away[rows], t_min=second.near, t_max=far
+            )[0]
         light = np.zeros((*weight.shape, len(second.groups), second.bands))
         rows = np.nonzero(weight > 0.0)
         element = cells.element[rows[0]]
@@ -240,17 +249,6 @@ class SensorLobes:
         change = self.specular[element][:, None, :] * (found - albedo[:, None, None] * before)
         light[rows] = change
         return light, weight
-
-
-def _between(t: FloatArray, order: int) -> FloatArray:
-    """Shares (k, order) of Gauss nodes on [0, 1] in what is at ``t`` (k,), by Lagrange."""
-    nodes = gauss_rule(order)[0]
-    out = np.ones((len(t), order))
-    for a in range(order):
-        for b in range(order):
-            if a != b:
-                out[:, a] *= (t - nodes[b]) / (nodes[a] - nodes[b])
-    return out
 
 
 def points_of(

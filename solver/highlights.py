@@ -89,7 +89,7 @@ class Highlights:
         if not self.any or not finer.sent:
             return gathered
         with self.stages.run("second pass"):
-            lobes = SensorLobes(self.second_pass(field.surfaces, finer, budget), field, budget)
+            lobes = SensorLobes(self.second_pass(field.surfaces, finer, budget), finer, budget)
             change, variance, count = lobes.change(grid, self._seen(rows, field.surfaces), gathered)
         self.stages.count({"glossy_points": count})
         parts = dict(gathered.components)

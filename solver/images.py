@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: Distance from the plane that is none, against the size of the scene.
 TOUCH = 1e-9
+#: Radius of a sphere that lies below every horizon: kernels skip what it is about. [m]
+NOWHERE = -1e300
 #: How often a patch that the plane cuts askew, or an outline that is not star-shaped, is quartered.
 _CUTS, _SPLITS = 3, 3
 
@@ -219,6 +221,10 @@ class Window:
         Patches of the scene.
     closed, solid : (p,) array
         As in `topology.make_blockers`.
+    pieces : Pieces
+        What of them lies before the plane.
+    trace : bool
+        Whether they hide anything; the frame always does.
     """
 
     plane: Plane
@@ -230,6 +236,7 @@ class Window:
     closed: IntArray
     solid: IntArray
     pieces: Pieces
+    trace: bool = True
 
     @property
     def count(self) -> int:
@@ -246,7 +253,7 @@ class Window:
     @cached_property
     def open(self) -> Blockers | None:
         """What hides light from infinity, were there nothing in the plane; None for nothing."""
-        return self._blockers(self.net[:0]) if self.count else None
+        return self._blockers(self.net[None][:0]) if self.count and self.trace else None
 
     @cached_property
     def shut(self) -> Blockers:
@@ -269,12 +276,17 @@ class Window:
         beside = adjacency(core, solid)
         around = adjacency(more, np.zeros(len(more), np.int64), relative=1e-9)
         around[around >= 0] += len(core)
-        return make_blockers(
+        blockers = make_blockers(
             PatchSet(np.concatenate([core, more])),
             np.concatenate([closed, closed, np.zeros(len(more), bool)]),
             np.concatenate([solid, np.full(len(more), int(solid.max(initial=0)) + 1)]),
             np.concatenate([beside, around]),
         )
+        if self.trace:
+            return blockers
+        spheres = blockers.spheres.copy()
+        spheres[: len(core), 3] = NOWHERE
+        return blockers._replace(spheres=spheres)
 
     def lamps(
         self, elements: Elements, rows: IntArray, kind: IntArray

@@ -16,7 +16,9 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky, Sun
 from .outside_light import Horizon, OutsideLight
+from .pane_dome import Daylight
 from .pane_field import PaneField
+from .reuse import Kept, tolerances
 from .row_finder import Ask
 from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
@@ -86,6 +88,8 @@ class Incidence:
         Whether anything can hide anything.
     stages : Stages
         Receives times, counters and reasons.
+    kept : Kept
+        What runs before this one have found.
     """
 
     def __init__(
@@ -96,13 +100,14 @@ class Incidence:
         *,
         trace: bool,
         stages: Stages,
+        kept: Kept,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
-        self.panes = panes
+        self.panes, self.kept = panes, kept
         self.bands = 1 if scene.is_grey else 3
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
-        self.webs = WebField(scene, blockers, trace=trace, stages=stages)
-        self.uneven = UnevenField(scene, blockers, trace=trace, stages=stages)
+        self.webs = WebField(scene, blockers, panes, trace=trace, stages=stages)
+        self.uneven = UnevenField(scene, blockers, panes, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
 
     def on(
@@ -118,7 +123,9 @@ class Incidence:
 
         Of sky and ground it is what the meridians of ``rows`` saw of them.
         """
-        scanned = self._known_outside(asked, rows.outside, sees_out) if self.trace else None
+        scanned = rows.outside if self.trace else None
+        if scanned is not None and not self.panes.any:
+            scanned = self._known_outside(asked, scanned, sees_out)
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
         self.add_lamps(light, asked, rows, surfaces, areas=unknowns.areas)
         return light
@@ -130,10 +137,7 @@ class Incidence:
         if not (lit and sees_out and self.horizon.is_plain):
             return scanned
         with stages.run("sky" if scene.sky is not None else "ground") as tell:
-            found = self.horizon.light(
-                asked.receivers, scene.sky, eps=asked.budget.eps, cell_eps=None, progress=tell
-            )
-        stages.count(found.sky.counters)
+            found = self._outside(asked.receivers, asked.budget.eps, None, tell)
         sky, ground = found.sky, found.ground
         exact = np.stack(
             [
@@ -182,7 +186,7 @@ class Incidence:
         """
         light = Light({}, *np.zeros((3, len(receivers.nodes))))
         if self.panes.any and sees_out:
-            self._add_through_panes(light, receivers, budget, scanned)
+            self._add_through_panes(light, receivers, budget, scanned is not None)
             return light
         scene, stages = self.scene, self.stages
         jobs: list[tuple[str, CIESky | float, float]] = []
@@ -211,16 +215,9 @@ class Incidence:
                     found = self._sun(scene.sun, receivers, budget, tell)
                 else:
                     if outside is None:
-                        outside = self.horizon.light(
-                            receivers,
-                            scene.sky,
-                            ground=level > 0.0,
-                            eps=budget.eps,
-                            cell_eps=budget.sensor_dome_cell_eps,
-                            progress=tell,
-                        )
+                        cell_eps = budget.sensor_dome_cell_eps
+                        outside = self._outside(receivers, budget.eps, cell_eps, tell, level > 0.0)
                     found = outside.sky if name == "sky" else outside.ground.times(level)
-            stages.count(found.counters)
             light.direct[name] = found.illuminance[:, None] * color
             light.variance += found.deviation**2
             if name != "sun":
@@ -232,26 +229,52 @@ class Incidence:
         self, sun: Sun, receivers: Receivers, budget: Budget, tell: Callable[[int, int], None]
     ) -> DomeLight:
         """Light of the sun's disc."""
-        disc = np.sin(np.radians(sun.angular_radius_arcmin / 60.0)) ** 2
-        return gather(
-            receivers.nodes,
-            receivers.normals,
-            receivers.weights,
-            sun_cells(sun),
-            sun_luminance(sun),
-            self.blockers,
-            eps=budget.eps,
-            cell_eps=budget.sun_cell_eps * disc,
-            trace=self.trace,
-            progress=tell,
-        )
+        cells = budget.sun_cell_eps * np.sin(np.radians(sun.angular_radius_arcmin / 60.0)) ** 2
+        places = (receivers.nodes, receivers.normals, receivers.weights)
+
+        def find() -> DomeLight:
+            found = gather(
+                *places,
+                sun_cells(sun),
+                sun_luminance(sun),
+                self.blockers,
+                eps=budget.eps,
+                cell_eps=cells,
+                trace=self.trace,
+                progress=tell,
+            )
+            self.stages.count(found.counters)
+            return found
+
+        return self.kept.find("sun", (places, sun, budget.eps, cells), find)
+
+    def _outside(
+        self,
+        receivers: Receivers,
+        eps: float,
+        cell_eps: float | None,
+        tell: Callable[[int, int], None],
+        ground: bool = True,
+    ) -> OutsideLight:
+        """Light of sky and ground; see `Horizon.light`."""
+        sky = self.scene.sky
+
+        def find() -> OutsideLight:
+            found = self.horizon.light(
+                receivers, sky, ground=ground, eps=eps, cell_eps=cell_eps, progress=tell
+            )
+            self.stages.count(found.sky.counters)
+            self.stages.count(found.ground.counters)
+            return found
+
+        return self.kept.find("sky", (receivers, sky, eps, cell_eps, ground), find)
 
     def _add_through_panes(
-        self, light: Light, receivers: Receivers, budget: Budget, scanned: FloatArray | None
+        self, light: Light, receivers: Receivers, budget: Budget, on_elements: bool
     ) -> None:
         """The same in a scene with panes."""
         with self.stages.run("light through panes") as tell:
-            found = self.panes.daylight(receivers, budget, scanned, tell)
+            found = self._daylight(receivers, budget, tell, on_elements=on_elements)
         sky, sun = self.scene.sky, self.scene.sun
         ccts = {"sky": sky and sky.cct_k, "sun": sun and sun.cct_k}
         for name, lux in found.illuminance.items():
@@ -261,3 +284,20 @@ class Incidence:
         light.variance += found.variance
         light.outside += found.outside
         light.outside_variance += found.outside_variance
+
+    def _daylight(
+        self,
+        receivers: Receivers,
+        budget: Budget,
+        tell: Callable[[int, int], None],
+        *,
+        on_elements: bool,
+    ) -> Daylight:
+        """See `PaneField.daylight`."""
+        scene = self.scene
+        of = (receivers, tolerances(budget), on_elements, scene.sky, scene.sun, scene.ground)
+        return self.kept.find(
+            "light through panes",
+            (*of, scene.glazings, scene.glass_index),
+            lambda: self.panes.daylight(receivers, budget, tell, on_elements=on_elements),
+        )

@@ -4,8 +4,8 @@ A solution B of the discrete system is put into the equation it stands for once 
 of 2 x 2 pieces of the elements: B' = ρ (E_direct + K B), Sloan's iteration [1], which converges
 faster than B and shows light that the coarser nodes missed. The residual r = B' − B there changes
 the light elsewhere by C, (I − ρ K) C = ρ K r, which is solved with the matrix there is. Sensors
-gather from B + r + C; by how much that differs from what they get of B alone is the estimate of the
-error.
+gather from B + r + C; by how much that differs from what they get of B alone tells of the error;
+see `mesh_error`.
 
 Where the rows of all pieces would cost more than those of the mesh, elements whose light varies
 most, times their importance for the sensors, are done.
@@ -26,6 +26,7 @@ import numpy as np
 
 from .exchange import products
 from .incident import Gathered
+from .lamp_flux import put_right
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.result import luminous
 from .unknowns import Unknowns
@@ -40,6 +41,8 @@ ROWS, SHARE = 4096, 1.0
 LEAST = 0.05
 #: Worth of light that is absorbed, which counts in the flux ledger alone, against what is sent on.
 ABSORBED = 0.1
+#: What elements chosen for the present light may be worth, against those of a run before it.
+AS_GOOD = 1.15
 #: Importance of light anywhere for what the sensors get, against the mean of what they see.
 ANYWHERE = 0.3
 
@@ -62,12 +65,18 @@ class Finer:
         Share of what each sends that meets the scene again.
     change : (N, b) array
         What of it, all groups together, is not in the solution of the mesh. [lm/m²]
+    moved, spread : (n,) array
+        Mean of the change over each element, and how it varies about it: root mean square. [lm/m²]
     shift : (n,) array
         Change of the mean illuminance of the elements. [lx]
     residual : (n, 2) array
         Flux of |r| of each element times its importance, parted by how r varies along u and v.
+    halved : (c,) int array
+        Elements that were halved.
     unseen : float
         What was not looked at, against what was: the change is that much larger.
+    put_right : float
+        Largest share of the light of a group of lamps that the nodes had missed, or added.
     """
 
     unknowns: Unknowns
@@ -75,9 +84,13 @@ class Finer:
     sent: dict[str, FloatArray]
     kept: FloatArray
     change: FloatArray
+    moved: FloatArray
+    spread: FloatArray
     shift: FloatArray
     residual: FloatArray
+    halved: IntArray
     unseen: float
+    put_right: float
 
     @property
     def light(self) -> Gathered:
@@ -97,7 +110,8 @@ class Finer:
 def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
     """Importance (n,) of light from elements for sensors that see them by ``seen`` [(m, n), …].
 
-    Relative to the mean, per area; 1 everywhere without sensors.
+    Straight or by way of mirrors, each with factors of its own. Relative to the mean, per area;
+    1 everywhere without sensors.
     """
     total = np.zeros(len(areas))
     for factors in seen:
@@ -108,7 +122,14 @@ def weights_at(seen: list[MatrixArray], areas: FloatArray) -> FloatArray:
     return np.asarray(weight / np.average(weight, weights=areas) + ANYWHERE)
 
 
-def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
+def finer_light(
+    field: Field,
+    weights: FloatArray,
+    gather: Gather,
+    flux: dict[str, FloatArray],
+    eps: float,
+    before: IntArray | None = None,
+) -> Finer:
     """The light of ``field`` on halved elements.
 
     Parameters
@@ -119,8 +140,14 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
         Importance of the elements.
     gather : callable
         Light on unknowns, by the field's own, and the sums (k,) of their rows.
+    flux : dict of (b,) arrays
+        What lamps send to the scene, by light group, where that is known. [lm]
+    eps : float
+        Accuracy of form factors.
+    before : (c,) int array, optional
+        Elements halved in a run before this one: they are again unless others matter more.
     """
-    chosen, unseen = _chosen(field, weights)
+    chosen, unseen = _chosen(field, weights, before)
     if not len(chosen):
         return as_it_is(field)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
@@ -128,15 +155,22 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
     lift = Lift.of(unknowns, fine, chosen)
     some = lift.new.ravel()
     arriving, sums = gather(fine.take(some))
-    before = {name: lift(values) for name, values in field.arriving.components.items()}
-    components = {name: values.copy() for name, values in before.items()}
+    told = {name: lift(values) for name, values in field.arriving.components.items()}
+    components = {name: values.copy() for name, values in told.items()}
     for name, values in arriving.components.items():
         components[name][some] = values
+    shares = [0.0]
+    for group, sent_on in flux.items():
+        name = f"{group}.direct"
+        components[name], share = put_right(
+            components[name], told[name], fine.areas, lift.new, sent_on, eps
+        )
+        shares.append(abs(share))
     lifted = {group: lift(values) for group, values in field.sent.items()}
     sent = {group: values.copy() for group, values in lifted.items()}
     rest = {}
     for group, values in sent.items():
-        found = arriving.components[f"{group}.direct"] + arriving.components[f"{group}.indirect"]
+        found = components[f"{group}.direct"][some] + components[f"{group}.indirect"][some]
         values[some] = rho[fine.element[some]] * found
         onto = lift.projected(values - lifted[group], fine.areas)
         rest[group] = products(field.system.factors, onto)
@@ -145,33 +179,52 @@ def finer_light(field: Field, weights: FloatArray, gather: Gather) -> Finer:
         moved = rest[group] + products(field.system.factors, more)
         components[f"{group}.indirect"] += lift(moved)
     change = np.asarray(sum(sent[group] - lifted[group] for group in sent))
-    shift = np.asarray(sum(components[name] - before[name] for name in components))
+    shift = np.asarray(sum(components[name] - told[name] for name in components))
     variance = lift(field.arriving.deviation**2)
     variance[some] = arriving.deviation**2
     kept = lift(field.kept)
     kept[some] = sums
+    altered = luminous(change)
+    moved = fine.mean(altered)
     return Finer(
         unknowns=fine,
         arriving=Gathered(components, np.sqrt(variance)),
         sent=sent,
         kept=kept,
         change=change,
+        moved=moved,
+        spread=np.sqrt(np.maximum(fine.mean(altered**2) - moved**2, 0.0)),
         shift=np.abs(fine.mean(luminous(shift))),
-        residual=_residual(luminous(change), fine, lift, chosen) * weights[:, None],
+        residual=_residual(altered, fine, lift, chosen) * weights[:, None],
+        halved=chosen,
         unseen=unseen,
+        put_right=max(shares),
     )
 
 
 def as_it_is(field: Field) -> Finer:
     """The light of a field as its mesh has it."""
     n = len(field.surfaces.areas)
-    nothing, none = np.zeros_like(field.all_sent), np.zeros((n, 2))
+    zero = np.zeros(n)
     return Finer(
-        field.unknowns, field.arriving, field.sent, field.kept, nothing, np.zeros(n), none, 0.0
+        unknowns=field.unknowns,
+        arriving=field.arriving,
+        sent=field.sent,
+        kept=field.kept,
+        change=np.zeros_like(field.all_sent),
+        moved=zero,
+        spread=zero,
+        shift=zero,
+        residual=np.zeros((n, 2)),
+        halved=np.empty(0, dtype=np.int64),
+        unseen=0.0,
+        put_right=0.0,
     )
 
 
-def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
+def _chosen(
+    field: Field, weights: FloatArray, before: IntArray | None = None
+) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
     sent, arriving = luminous(field.all_sent), field.arriving.luminous()
@@ -180,15 +233,19 @@ def _chosen(field: Field, weights: FloatArray) -> tuple[IntArray, float]:
         level = unknowns.mean(values)
         spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
         worth += (spread + LEAST * level) * surfaces.areas * share
-    worth[~unknowns.can_halve(surfaces.elements)] = 0.0
-    worth[len(field.sources.nets) :] = 0.0  # panes
+    whole = ~unknowns.can_halve(surfaces.elements)
+    whole[len(field.sources.nets) :] = True  # panes
     if field.system.scattering is not None:
-        worth[field.system.scattering.share > 0.0] = 0.0  # known by whole elements
+        whole |= field.system.scattering.share > 0.0  # known by whole elements
     order = np.argsort(-worth, kind="stable")
-    order = order[worth[order] > 0.0]
+    order = order[(worth > 0.0)[order] & ~whole[order]]
     count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
-    left = float(worth[order[count:]].sum()), float(worth[order[:count]].sum())
-    return np.sort(order[:count]), left[0] / left[1] if left[0] > 0.0 else 0.0
+    chosen, total = np.sort(order[:count]), float(worth.sum())
+    if before is not None and worth[chosen].sum() <= AS_GOOD * worth[before].sum():
+        chosen = before
+    seen = float(worth[chosen].sum())
+    # What cannot be halved is left out like what there is no room for.
+    return chosen, max(total - seen, 0.0) / seen if seen > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,6 +14,9 @@ from .errors import OutOfMemoryError
 #: factors (4) and variances (4), a quarter of both once more for rows that are found anew (2), and
 #: what is in between for some rows at a time (less than 1 with 2500 elements, measured).
 PAIR_BYTES = 11
+#: Bytes that a pair takes besides in scenes with mirrors, for what they show and its variance, and
+#: in scenes with panes, whose rows are put together anew.
+MIRROR_BYTES, PANE_BYTES = 8, 8
 #: Bytes of a pair once it is known: factors, and the variances of sampled ones.
 ROW_BYTES = 8
 #: The same where factors are of double precision.
@@ -32,16 +35,22 @@ SMALL_MATRIX = 1_000_000
 GB = 1e9
 
 
-def varying_bytes(basis: str) -> int:
+def varying_bytes(basis: str, more: int = 0) -> int:
     """Bytes that a pair of elements takes at the worst moment where light varies over elements.
 
-    Rows from q nodes (8 q), the factors of their q² pairs (4 q²), and some of the rows anew (2 q).
+    Rows from q nodes (8 q), the factors of their q² pairs (4 q²), and some of the rows anew (2 q);
+    in scenes where a pair of receiver and element takes ``more``, that from each node.
     """
     q = 9 if basis == "biquadratic" else 4
-    return 10 * q + 4 * q**2
+    return (10 + more) * q + 4 * q**2
 
 
-def needed_bytes(elements: int, largest_grid: int = 0) -> int:
+def more_bytes(*, mirrors: bool, panes: bool) -> int:
+    """What a pair of receiver and element takes besides in some scenes. [B]"""
+    return (MIRROR_BYTES if mirrors else 0) + (PANE_BYTES if panes else 0)
+
+
+def needed_bytes(elements: int, largest_grid: int = 0, more: int = 0) -> int:
     """Memory that a mesh takes at the worst moment, packed matrices apart. [B]
 
     Parameters
@@ -50,11 +59,14 @@ def needed_bytes(elements: int, largest_grid: int = 0) -> int:
         Elements of the mesh, all of which see one another.
     largest_grid : int
         Sensors of the largest grid; they are done after the elements, while the matrix stays.
+    more : int
+        Bytes of a pair besides, by `more_bytes`.
     """
-    sensors = PAIR_BYTES * elements * largest_grid
-    if elements > DENSE_UNKNOWNS:
+    pair = PAIR_BYTES + more
+    sensors = pair * elements * largest_grid
+    if elements > DENSE_UNKNOWNS and not more:
         return BLOCK_BYTES + UNKNOWN_BYTES * elements + sensors
-    return max(PAIR_BYTES * elements**2, sensors + KEPT_BYTES * elements**2)
+    return max(pair * elements**2, sensors + KEPT_BYTES * elements**2)
 
 
 def is_packed(rows: int, columns: int) -> bool:
@@ -71,7 +83,12 @@ def packed_room(columns: int) -> int | None:
 
 
 def check_memory(
-    elements: int, largest_grid: int = 0, *, least_elements: int = 0, accuracy: float | None = None
+    elements: int,
+    largest_grid: int = 0,
+    *,
+    least_elements: int = 0,
+    accuracy: float | None = None,
+    more: int = 0,
 ) -> None:
     """Raise `OutOfMemoryError` where a mesh cannot fit, neither whole nor packed.
 
@@ -83,14 +100,18 @@ def check_memory(
         Elements that the scene has at any accuracy, one a patch and side.
     accuracy : float, optional
         What the mesh follows from, for the advice.
+    more : int
+        As in `needed_bytes`; what has mirrors or panes is not packed.
     """
     free = available_bytes()
-    need = needed_bytes(elements, largest_grid)
-    if free is None or (need <= free and elements <= DENSE_UNKNOWNS):
+    need = needed_bytes(elements, largest_grid, more)
+    if free is None or (need <= free and (more or elements <= DENSE_UNKNOWNS)):
         return
-    sensors = PAIR_BYTES * elements * largest_grid
+    sensors = (PAIR_BYTES + more) * elements * largest_grid
     rest, packed = BLOCK_BYTES + UNKNOWN_BYTES * elements + sensors, PACKED_BYTES * elements**2
     on_disk = free_on_disk()
+    if more:  # nothing is packed
+        rest, packed, on_disk = need, 0, 0
     if rest <= free and packed <= free - rest + on_disk:
         return
     advice = []
@@ -100,10 +121,11 @@ def check_memory(
         advice.append(f"ask for less accuracy, a larger number than {accuracy:g}")
     if least_elements:
         advice.append("leave out parts that do not matter for the light, to have fewer patches")
+    how, what = "" if more else ", packed", "; or ".join(advice) or "use fewer elements"
     raise OutOfMemoryError(
-        f"{elements} elements need {(rest + packed) / GB:.1f} GB of memory for their form factors, "
-        f"packed, but only {free / GB:.1f} GB are free, and {on_disk / GB:.1f} GB for temporary "
-        f"files in {tempfile.gettempdir()}; {'; or '.join(advice) or 'use fewer elements'}"
+        f"{elements} elements need {(rest + packed) / GB:.1f} GB of memory for their form "
+        f"factors{how}, but only {free / GB:.1f} GB are free, and {on_disk / GB:.1f} GB for "
+        f"temporary files in {tempfile.gettempdir()}; {what}"
     )
 
 
@@ -139,10 +161,10 @@ def has_room(need: int) -> bool:
     return free is None or need <= free
 
 
-def fits(elements: int, largest_grid: int = 0) -> bool:
+def fits(elements: int, largest_grid: int = 0, more: int = 0) -> bool:
     """Whether a mesh can be made; see `needed_bytes`."""
     free = available_bytes()
-    need = needed_bytes(elements, largest_grid)
+    need = needed_bytes(elements, largest_grid, more)
     return free is None or need <= free
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from .balance import Seam, balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
-from .direct_light import DirectLight
 from .horizon_lines import with_lines
+from .kept_light import KeptLight
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
@@ -18,7 +18,8 @@ from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.scene import SceneData
 from .profile_mesh import with_profiles
-from .refinement import Refiner
+from .refinement import Looked, Refiner
+from .reuse import Kept, Mesh
 from .stages import Stages
 from .surfaces import reflectances
 
@@ -46,6 +47,8 @@ class Mesher:
         Receives counters.
     tester : Containment, optional
         Of the scene; made here where there is none yet.
+    kept : Kept, optional
+        What runs before this one have found; nothing when not given.
     """
 
     def __init__(
@@ -56,7 +59,9 @@ class Mesher:
         trace: bool,
         stages: Stages,
         tester: Containment | None = None,
+        kept: Kept | None = None,
     ) -> None:
+        self.kept = Kept(scene, stages=stages) if kept is None else kept
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self._containment = Containment(scene) if tester is None else tester
         self._refiner: Refiner | None = None
@@ -111,12 +116,40 @@ class Mesher:
                 f"{lamps} shining patches light {len(boxes)} elements"
             )
             return boxes, 0.0
-        light = DirectLight(self.scene, self.blockers, trace=self.trace)
-        rho = reflectances(self.scene)
-        self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
-        cut, misplaced = self._refiner.refine(boxes, budget.misplaced, most)
+        cut, misplaced = self._refine_by(budget).refine(boxes, budget.misplaced, most)
         self.stages.count({"elements_added": len(cut) - len(boxes)})
         return cut, misplaced
+
+    def _refine_by(self, budget: Budget) -> Refiner:
+        if self._refiner is None:
+            light = KeptLight(self.scene, self.blockers, trace=self.trace, kept=self.kept)
+            rho = reflectances(self.scene)
+            self._refiner = Refiner(self.scene.patches, rho, light, budget.distance)
+        return self._refiner
+
+    @property
+    def looked(self) -> Looked | None:
+        """Light of the lamps on the last mesh; None where none was looked at."""
+        return None if self._refiner is None else self._refiner.looked
+
+    def lamps(self, budget: Budget) -> tuple[IntArray, FloatArray]:
+        """Lamps of the sides (p, 2) of all patches, and exitances of their pieces. [lm/m²]"""
+        index = self.scene.luminaire_index
+        if not (index >= 0).any():
+            return index, np.empty(0)
+        return index, self._refine_by(budget).light.exitances
+
+    def misplaced_again(self, mesh: Mesh, budget: Budget) -> float:
+        """Share of the reflected light in the wrong place on the mesh of a run before this one."""
+        if with_profiles(mesh.boxes, self.scene, budget, trace=self.trace)[1]:
+            return np.inf  # it was made for lamps that are more even
+        if mesh.looked is None:
+            return 0.0
+        refiner, (index, levels) = self._refine_by(budget), self.lamps(budget)
+        known, now = (*mesh.lamps, mesh.nets), (index, levels, self.scene.patches.control_points)
+        if all(np.array_equal(a, b) for a, b in zip(known, now, strict=True)):
+            return refiner.again(mesh.boxes, mesh.looked)
+        return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
 
     def balanced(self, boxes: Boxes, budget: Budget) -> Boxes:
         """Boxes of which no edge has more than two neighbours, where that is asked for."""

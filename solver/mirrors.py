@@ -10,14 +10,13 @@ flat mirror come by images (`images.py`), all else by rays over any number of mi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .dome import gather
 from .elements_by_side import elements_by_side
-from .errors import InputError
 from .exchange import Rows, form_factor_matrix, make_sources, products
 from .images import TOUCH, Pieces, Plane, Window, pieces_before, windows
 from .kernels.pyramid import Blockers
@@ -26,10 +25,14 @@ from .model.elements import Elements
 from .model.patches import PatchSet
 from .model.scene import SceneData
 from .model.sky import CIESky, Sun, direction
+from .panes import make_panes
 from .raycast import RayCaster
 from .row_finder import FINE_SHARE, Ask
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
+
+if TYPE_CHECKING:
+    from .pane_images import PaneImages
 
 #: Rays over mirrors for a form factor of 1, for each unit of accuracy: on elements, at sensors.
 RAYS, SENSOR_RAYS = 20.0, 200.0
@@ -112,17 +115,24 @@ class Mirrors:
         The scene.
     blockers : Blockers
         Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
     stages : Stages
         Receives counters and warnings.
     """
 
-    def __init__(self, scene: SceneData, blockers: Blockers, stages: Stages) -> None:
-        self.scene, self.blockers, self.stages = scene, blockers, stages
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+    ) -> None:
+        self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self.shares = mirror_shares(scene)
         self.any = bool(self.shares.any())
         self._caster: RayCaster | None = None
         self.windows: list[Window] = []
         self.imaged = np.zeros(self.shares.shape, dtype=bool)
+        #: Whether light may pass panes on its way.
+        self.panes = bool(scene.see_through.any())
+        self._pane_images: dict[int, PaneImages] = {}
         if self.any:
             low, high = scene.patches.bounds()
             self.size = float(np.linalg.norm(high - low))
@@ -146,12 +156,8 @@ class Mirrors:
         """Outlines of flat mirrors, the largest first, as many as are looked through."""
         from .topology import PLANAR
 
-        if self.scene.see_through.any():
-            raise InputError(
-                "mirrors and clear panes in one scene: light by way of both is not computed; give "
-                "the mirrors a specular share instead, or leave the panes out"
-            )
-        scene, nets = self.scene, self.scene.patches.control_points
+        # Panes hide nothing, before mirrors or in them.
+        scene, nets = self.scene, self.scene.without_panes.patches.control_points
         flat = self.blockers.flags & PLANAR != 0
         areas = scene.patches.areas()
         found: dict[tuple[float, ...], tuple[Plane, Pieces]] = {}
@@ -177,7 +183,7 @@ class Mirrors:
             self.windows += [
                 Window(
                     plane, part, float(self.shares[patch, side]), patch, side,
-                    nets, self.blockers.closed, self.blockers.solid, pieces,
+                    nets, self.blockers.closed, self.blockers.solid, pieces, self.trace,
                 )
                 for part in parts
             ]  # fmt: skip
@@ -217,7 +223,8 @@ class Mirrors:
         lamps : bool
             Whether lamps are looked for.
         """
-        # Webs are followed by rays only here, at their mean: their images are `MirrorLight`'s.
+        # Webs and uneven lamps are followed by rays only here, at their mean: their images are
+        # `MirrorLight`'s.
         emits = np.flatnonzero(surfaces.emitted.any(axis=1) & lamps)
         found = np.zeros((2, len(rows.factors), len(emits)))
         for window in self.windows:
@@ -243,7 +250,7 @@ class Mirrors:
         lamps: FloatArray,
     ) -> None:
         """Add to ``lamps`` (2, m, l) those that are seen through one window."""
-        own = emits[~surfaces.web[emits]]
+        own = emits[~(surfaces.web | surfaces.uneven)[emits]]
         seen = self.through(window, rows, surfaces, asked, own, fine)
         if seen is None:
             return
@@ -264,7 +271,8 @@ class Mirrors:
         looking = self.looking(window, rows, surfaces)
         if not len(looking) or not len(lamps):
             return None
-        light = np.concatenate([surfaces.emitted, surfaces.lamp[:, None]], axis=1)[lamps]
+        apart = np.where(surfaces.uneven, np.arange(1, len(surfaces.areas) + 1), 0)
+        light = np.column_stack([surfaces.emitted, surfaces.lamp, apart])[lamps]
         kind = np.unique(light, axis=0, return_inverse=True)[1].reshape(-1)
         parts, owner = window.lamps(surfaces.elements, lamps, kind)
         if not len(owner):
@@ -285,8 +293,31 @@ class Mirrors:
         hiding: bool = True,
     ) -> tuple[FloatArray, FloatArray]:
         """Form factors of lamps through a window, and their variances; or with nothing hiding."""
+        found, variances = self._factors(window, images, parts, asked, fine, hiding)
+        if not self.panes:
+            return found, variances
+        return self.panes_in(window).left_of(found, variances, images, parts, asked)
+
+    def panes_in(self, window: Window) -> PaneImages:
+        """Panes that light through a window passes."""
+        from .pane_images import PaneImages
+
+        if id(window) not in self._pane_images:
+            self._pane_images[id(window)] = PaneImages(self.scene, window, self.size)
+        return self._pane_images[id(window)]
+
+    def _factors(
+        self,
+        window: Window,
+        images: Receivers,
+        parts: Elements,
+        asked: Ask,
+        fine: bool,
+        hiding: bool,
+    ) -> tuple[FloatArray, FloatArray]:
+        """The same without panes."""
         eps, blockers = asked.budget.eps * FINE_SHARE, window.near
-        if fine:
+        if fine and self.trace:
             # Sensors before the plane have one node: the contour of what is seen is exact.
             from .factors import point_form_factors
 
@@ -340,14 +371,17 @@ class Mirrors:
                 angle = float(np.radians(sun.angular_radius_arcmin / 60.0))
                 may = window.shows(images.nodes, toward, angle).any(axis=1)
                 looking, images = looking[may], images.take(np.flatnonzero(may))
+            left = np.ones(len(looking))
+            if sun is not None and self.panes:
+                left = self.panes_in(window).left_of_beam(images, toward)
             places = (images.nodes, images.normals, images.weights)
             # What the outline would hide of all behind it is what comes through.
             for sign, blockers in ((1.0, window.open), (-1.0, window.shut)):
                 there = self.blockers if blockers is None else blockers
                 found = gather(*places, cells, luminance, there, trace=blockers is not None, **how)
                 self.stages.count(found.counters)
-                light[looking] += sign * window.share * found.illuminance
-                variance[looking] += (window.share * found.deviation) ** 2
+                light[looking] += sign * window.share * left * found.illuminance
+                variance[looking] += (window.share * left * found.deviation) ** 2
         return light, variance
 
     def _add_rays(
@@ -372,7 +406,7 @@ class Mirrors:
         column = np.full(n, -1)
         column[emits] = np.arange(len(emits))
         if self._caster is None:
-            self._caster = RayCaster(scene.patches)
+            self._caster = RayCaster(scene.without_panes.patches)
         start, order = elements_by_side(elements, len(scene.patches))
         others, away, lost = np.zeros((m, 2, len(emits))), np.zeros((m, 2, 4)), np.zeros((m, 2))
         added = np.zeros((m, n), np.float32), np.zeros((m, n), np.float32)
@@ -390,10 +424,12 @@ class Mirrors:
                 frozen(np.empty(0) if scene.sky is None else sky_tone(scene.sky)),
             ),
             Tree(*self._caster.arrays),
+            make_panes(scene),
             Sides(start, order, elements.boxes, frozen(self.shares.ravel())),
             min((SENSOR_RAYS if fine else RAYS) / asked.budget.accuracy, MOST_RAYS),
             LAMP_LEVELS[1 if fine else 0],
             NEAR * self.size,
+            self.trace,
             *added,
             others,
             away,
@@ -403,8 +439,10 @@ class Mirrors:
         added[1][:, emits] = 0.0
         self.stages.count({"mirror_rays": int(lost[:, 1].sum())})
         lamps += others.transpose(1, 0, 2)
-        # Sensors see sky and ground in flat mirrors by images.
-        sky, ground = ([SKY], [GROUND]) if fine else ([SKY, SKY_IMAGED], [GROUND, GROUND_IMAGED])
+        # Sensors see sky and ground in flat mirrors by images, if no panes are in the way.
+        sky, ground = [SKY, SKY_IMAGED], [GROUND, GROUND_IMAGED]
+        if fine and not self.panes:
+            sky, ground = [SKY], [GROUND]
         seen = {
             name: (away[:, 0, columns].sum(axis=1), away[:, 1, columns].sum(axis=1))
             for name, columns in (("sky", sky), ("ground", ground))

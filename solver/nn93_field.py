@@ -22,6 +22,7 @@ from .budget import Budget
 from .exchange import Rows, make_sources
 from .exchange import products as multiplied
 from .field import Field, FieldSolver
+from .fineness import Fineness
 from .incident import Gathered, Light
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
@@ -293,9 +294,11 @@ class CornerSolver:
         n = len(elements)
         nets = self.scene.patches.control_points
         sums = inside(found.seen.elements.sum(axis=1))
+        sources = make_sources(elements, nets, np.full(n, self.budget.cell_eps))
         return Field(
             surfaces=surfaces,
-            sources=make_sources(elements, nets, np.full(n, self.budget.cell_eps)),
+            sources=sources,
+            every=sources,
             lifts=np.zeros(n),
             unknowns=unknowns,
             system=found.system,
@@ -304,6 +307,9 @@ class CornerSolver:
             sees_out=not self.base.in_cavity,
             arriving=Gathered.of(light, indirect, nothing),
             sent={group: inside(values) for group, values in found.sent.items()},
+            fineness=Fineness(
+                np.full(n, self.budget.cell_eps), np.zeros(n, dtype=bool), np.ones(n)
+            ),
         )
 
     @staticmethod

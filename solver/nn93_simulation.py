@@ -19,7 +19,8 @@ from .mesh_error import MeshError
 from .model.arrays import FloatArray
 from .model.scene import SceneData
 from .nn93_field import CornerField, CornerSolver, Eyes
-from .simulation import Simulation, Solved
+from .reuse import Kept
+from .simulation import Options, Simulation, Solved
 from .stages import Stages
 
 #: Said with every result.
@@ -40,10 +41,10 @@ class Nn93Simulation(Simulation):
         accuracy: float,
         visibility: str,
         stages: Stages,
-        basis: str | None = None,
+        options: Options,
     ) -> None:
-        if basis is not None:
-            raise InputError(f"basis = {basis!r}: not used together with method = 'nn93'")
+        if options.basis is not None:
+            raise InputError(f"basis = {options.basis!r}: not used together with method = 'nn93'")
         without = (
             (bool(scene.glazings), "glass"),
             (any(m.mirror_bands.any() for m in scene.materials), "mirrors"),
@@ -52,9 +53,9 @@ class Nn93Simulation(Simulation):
         for there, what in without:
             if there:
                 raise InputError(f"method = 'nn93': it knows no {what}; use the default method")
-        super().__init__(scene, accuracy, visibility, stages)
+        super().__init__(scene, accuracy, visibility, stages, replace(options, cache=False))
 
-    def _solved(self, solver: FieldSolver) -> Solved:
+    def _solved(self, solver: FieldSolver, kept: Kept) -> Solved:
         self.stages.warnings.append(STATED)
         solver.highlights.conserving = False  # eq. 15 and 16
         corners = CornerSolver(solver, self.budget)
@@ -66,7 +67,7 @@ class Nn93Simulation(Simulation):
         field = corners.as_field(found)
         finer = replace(as_it_is(field), shift=_difference(found, rough, coarse))
         balance = self._balance(field, finer, solver)
-        error = MeshError(0.0, 0.0, 0.0, None)
+        error = MeshError(0.0, 0.0, 0.0)
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             eyes = Eyes.of_sensors(grid)
@@ -74,7 +75,9 @@ class Nn93Simulation(Simulation):
                 seen = corners.look(eyes, found.surfaces, found.vertices)
                 light = found.gathered(seen)
                 before = rough.gathered(corners.look(eyes, rough.surfaces, rough.vertices))
-            shift = error.of(light, light.luminous() - before.luminous())
+            off = np.abs(light.luminous() - before.luminous())
+            # One value's difference may pass through zero.
+            shift = error.of(light, np.maximum(off, np.sqrt(np.mean(off**2))))
             light = solver.highlights.added(
                 light, grid, corners.rows(seen), field, finer, self.budget
             )

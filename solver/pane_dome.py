@@ -1,19 +1,20 @@
 """Light of sky, ground and sun on receivers of a scene with panes.
 
 What comes through panes is integrated over them (`kernels.glazed_dome`); what passes none of them
-is that of the dome with the panes taken for walls.
+is that of the dome with the panes taken for walls (`clear_dome`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .budget import Budget
-from .dome import LEVELS, ROWS_PER_BLOCK, DomeLight, dome_cells, gather, sun_cells
+from .clear_dome import ClearDome
+from .dome import LEVELS, ROWS_PER_BLOCK, gather, sun_cells
 from .kernels.glazed_dome import (
     COLUMNS,
     GROUND,
@@ -21,7 +22,6 @@ from .kernels.glazed_dome import (
     GROUND_VARIANCE,
     SKY,
     SKY_FACTOR,
-    SKY_PLAIN,
     SKY_VARIANCE,
     glazed_rows,
 )
@@ -41,8 +41,6 @@ from .topology import PLANAR, writable
 TOLERANCE = 0.25
 #: How often a pane is quartered at most.
 QUARTERINGS = 7
-#: Standard deviations by which what passes no pane must be seen to count.
-CERTAIN = 3.0
 #: Points of the sun's disc, a direction of each quarter, at which the share let through is taken.
 DISC_POINTS = 4
 
@@ -87,6 +85,7 @@ class PaneDome:
     ) -> None:
         self.scene, self.panes, self.trace = scene, panes, trace
         self.blockers, self.walls = blockers, walls
+        self.clear = ClearDome(scene, walls)
         low, high = scene.patches.bounds()
         self.lift = 1e-9 * float(np.linalg.norm(high - low))
         first = scene.opaque_count
@@ -102,8 +101,9 @@ class PaneDome:
         self,
         receivers: Receivers,
         budget: Budget,
-        scanned: FloatArray | None,
         tell: Callable[[int, int], None],
+        *,
+        on_elements: bool,
     ) -> Daylight:
         """Light of all there is outside.
 
@@ -111,36 +111,35 @@ class PaneDome:
         ----------
         receivers : Receivers
             m receivers.
-        scanned : (m, 5) array, optional
-            What meridians saw of sky and ground without panes; else what passes no pane is traced
-            by pyramids.
+        on_elements : bool
+            Whether they are many, whose errors average: what passes no pane is then seen by
+            meridians, and else by pyramids, where curved surfaces are in its way.
         """
         scene, m = self.scene, len(receivers.nodes)
         found: dict[str, FloatArray] = {}
         variance, outside, spread = np.zeros((3, m))
-        cell_eps = budget.sensor_dome_cell_eps if scanned is None else budget.cell_eps
+        cell_eps = budget.cell_eps if on_elements else budget.sensor_dome_cell_eps
         level = ground_luminance(scene.ground, scene.sky, scene.sun)
         if scene.sky is not None or level > 0.0:
             through = self._through(receivers, budget.eps, cell_eps, tell)
-            for name, luminance, low, high in (
-                ("sky", scene.sky, 0.0, 90.0),
-                ("ground", level or None, -90.0, 0.0),
+            clear = self.clear.light(receivers, budget, on_elements=on_elements)
+            for name, own, luminance in (
+                ("sky", clear.sky, 1.0 if scene.sky is not None else 0.0),
+                ("ground", clear.ground.times(level), level),
             ):
-                if luminance is None:
+                if luminance == 0.0:
                     continue
-                clear = self._clear(receivers, budget, luminance, (low, high), scanned, through)
                 sky = name == "sky"
-                scale = np.pi if sky else np.pi * level
-                own = through[:, SKY if sky else GROUND]
-                found[name] = clear.illuminance + scale * own
-                variance += clear.deviation**2
+                scale = np.pi * luminance
+                found[name] = own.illuminance + scale * through[:, SKY if sky else GROUND]
+                variance += own.deviation**2
                 variance += scale**2 * through[:, SKY_VARIANCE if sky else GROUND_VARIANCE]
-                outside += clear.factor + through[:, SKY_FACTOR if sky else GROUND_FACTOR]
-                spread += clear.factor_variance
+                outside += own.factor + through[:, SKY_FACTOR if sky else GROUND_FACTOR]
+                spread += own.factor_variance
         if scene.sun is not None:
-            sun, own = self._sun(receivers, budget, scene.sun)
+            sun, own_variance = self._sun(receivers, budget, scene.sun)
             found["sun"] = sun
-            variance += own
+            variance += own_variance
         order = [name for name in ("sky", "sun", "ground") if name in found]
         return Daylight({name: found[name] for name in order}, variance, outside, spread)
 
@@ -173,52 +172,6 @@ class PaneDome:
             )
             tell(rows.stop, len(out))
         return out
-
-    def _clear(
-        self,
-        receivers: Receivers,
-        budget: Budget,
-        luminance: CIESky | float,
-        altitudes: tuple[float, float],
-        scanned: FloatArray | None,
-        through: FloatArray,
-    ) -> DomeLight:
-        """Light of sky or ground that passes no pane."""
-        if scanned is None:
-            found = gather(
-                receivers.nodes,
-                receivers.normals,
-                receivers.weights,
-                dome_cells(*altitudes),
-                luminance,
-                self.walls,
-                eps=budget.eps,
-                cell_eps=budget.sensor_dome_cell_eps,
-            )
-            # Panes fill their openings: of the cells along the edges no point is ever seen.
-            some = found.illuminance > 0.0
-            return replace(
-                found,
-                deviation=np.where(some, found.deviation, 0.0),
-                factor_variance=np.where(some, found.factor_variance, 0.0),
-            )
-        sky = isinstance(luminance, CIESky)
-        column, spread, plain = (0, 3, SKY_PLAIN) if sky else (2, 4, GROUND_FACTOR)
-        scale = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)
-        # Seen by meridians, less what of it lies behind panes: where that is all within what the
-        # meridians may be wrong by, nothing else is seen.
-        seen, variance = scanned[:, column], scanned[:, spread]
-        rest = seen - through[:, plain]
-        sure = rest > CERTAIN * np.sqrt(variance) + 1e-3 * seen
-        rest = np.where(sure, rest, 0.0)
-        factor = np.where(sure, scanned[:, 1] - through[:, SKY_FACTOR] if sky else rest, 0.0)
-        return DomeLight(
-            scale * rest,
-            scale * np.sqrt(np.where(sure, variance, 0.0)),
-            factor,
-            np.where(sure, variance, 0.0),
-            {},
-        )
 
     def _sun(self, receivers: Receivers, budget: Budget, sun: Sun) -> tuple[FloatArray, FloatArray]:
         """Illuminance (m,) of the sun [lx], and the variance of what was sampled.

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from .budget import Budget
-from .exchange import Rows
+from .exchange import Rows, make_sources
 from .kernels.pyramid import Blockers
-from .model.arrays import FloatArray, MatrixArray
+from .kernels.rows import Sources
+from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
@@ -68,9 +69,25 @@ class PaneField:
         """Unknowns of which those of panes lie on nothing."""
         if not self.any:
             return unknowns
-        clear, receivers = elements.patch_index >= self.count, unknowns.receivers
+        clear = elements.patch_index[unknowns.element] >= self.count
+        receivers = unknowns.receivers
         own, patches = (np.where(clear, -1, a) for a in (receivers.own, receivers.patches))
         return replace(unknowns, receivers=replace(receivers, own=own, patches=patches))
+
+    def with_panes(self, sources: Sources, elements: Elements) -> Sources:
+        """Sources to which those of panes are added, as far as `unknowns` looks at them."""
+        if not self.any:
+            return sources
+        glass = elements.take(np.flatnonzero(elements.patch_index >= self.count))
+        nets = self.scene.patches.control_points
+        more = make_sources(glass, nets, np.ones(len(glass)))
+        shift = (more.edge_origin - sources.edge_origin)[:, None, None]
+        return sources._replace(
+            nets=np.concatenate([sources.nets, more.nets]),
+            spheres=np.concatenate([sources.spheres, more.spheres]),
+            area_point=np.concatenate([sources.area_point, more.area_point + shift], axis=1),
+            area_normal=np.concatenate([sources.area_normal, more.area_normal], axis=1),
+        )
 
     def lifts(self, lifts: FloatArray, elements: Elements) -> FloatArray:
         """Lifts (n,) of all elements from those that are none of panes."""
@@ -84,15 +101,20 @@ class PaneField:
             return rows
         return self.rows.complete(rows, asked, elements, areas, mesh=mesh)
 
+    def left_of(self, factors: MatrixArray, asked: Ask, elements: Elements) -> MatrixArray:
+        """What panes leave of form factors (m, k) of some elements, all of them without panes."""
+        return self.rows.left_of(factors, asked, elements) if self.any else factors
+
     def daylight(
         self,
         receivers: Receivers,
         budget: Budget,
-        scanned: FloatArray | None,
         tell: Callable[[int, int], None],
+        *,
+        on_elements: bool,
     ) -> Daylight:
         """Light from outside; see `PaneDome.light`."""
-        return self.dome.light(receivers, budget, scanned, tell)
+        return self.dome.light(receivers, budget, tell, on_elements=on_elements)
 
     def scattering(self, surfaces: Surfaces) -> Scattering | None:
         """What diffusing panels send on to their other side; None where there are none."""
@@ -104,7 +126,7 @@ class PaneField:
         self,
         balance: Balance,
         surfaces: Surfaces,
-        factors: MatrixArray,
+        factors: Callable[[IntArray], FloatArray],
         exitance: FloatArray,
         components: Mapping[str, FloatArray],
     ) -> Balance:
@@ -112,8 +134,8 @@ class PaneField:
 
         Parameters
         ----------
-        factors : (n, n) array
-            Form factors.
+        factors : callable
+            Form factors (k, n) of elements, from some rows (k,) of them.
         exitance : (n, b) array
             What the elements send alike in all directions. [lm/m²]
         components : dict of (n, b) arrays
@@ -136,13 +158,18 @@ class PaneField:
                 if name.endswith(".direct")
             }
             outside = {name: direct[name] for name in DAYLIGHT if name in direct}
-            lamps = sum(
-                (values[rows] for name, values in direct.items() if name not in outside),
-                np.zeros((len(rows), exitance.shape[1])),
-            )
-            webs = lamps - np.asarray(factors[rows] @ surfaces.diffuse)
-            kept = passing_flux(areas, passing.of_surfaces(factors, exitance))
-            flux[rows] += kept + passing_flux(areas, passing.of_web_lamps(np.maximum(webs, 0.0)))
+            seen = factors(rows)
+            kept = passing_flux(areas, passing.of_surfaces(seen, exitance))
+            flux[rows] += kept
+            for group, values in direct.items():
+                if group in outside:
+                    continue
+                # What form factors do not tell of lamps: webs, or where uneven ones are bright.
+                even = np.asarray(seen @ surfaces.emitted_by(self.scene, group))
+                more = values[rows] - even
+                if any(one.web is not None for one in self.scene.luminaires if one.group == group):
+                    more = np.maximum(more, 0.0)
+                flux[rows] += passing_flux(areas, passing.of_lamps(more))
             escaped = float(kept.sum())
             if outside:
                 come = passing_flux(areas, passing.of_daylight(outside))

@@ -85,10 +85,13 @@ class Passing:
         self._lift = 1e-9 * float(np.linalg.norm(high - low))
 
     def of_surfaces(self, factors: FloatArray, exitance: FloatArray) -> FloatArray:
-        """Of what all elements send (n, b): (k, b). [lm/m²]"""
+        """Of what all elements send (n, b): (k, b). [lm/m²]
+
+        ``factors`` (k, n) are what the panes see.
+        """
         points, normals, areas = self._all.nodes, self._all.normals, self._all.weights
         out = np.zeros((len(self.rows), exitance.shape[1]))
-        for k, (row, law) in enumerate(zip(self.rows, self._laws, strict=True)):
+        for k, law in enumerate(self._laws):
             light, view = np.zeros((2, len(points)))
             for node, normal, weight in zip(
                 self._own.nodes[k], self._own.normals[k], self._own.weights[k], strict=True
@@ -101,7 +104,7 @@ class Passing:
                 light += (seen * law.transmittance(here / np.sqrt(square))).sum(axis=1)
                 view += seen.sum(axis=1)
             straight = np.where(view > 0.0, light / np.where(view > 0.0, view, 1.0), 0.0)
-            out[k] = (factors[row] * straight * (1.0 - law.diffuse)) @ exitance
+            out[k] = (factors[k] * straight * (1.0 - law.diffuse)) @ exitance
         return out
 
     def of_daylight(self, direct: Mapping[str, FloatArray]) -> FloatArray:
@@ -121,8 +124,8 @@ class Passing:
                 out[lit] += shares[group][:, None] * direct[group][self.rows[lit]]
         return out
 
-    def of_web_lamps(self, light: FloatArray) -> FloatArray:
-        """Of the light (k, b) of lamps with webs, taken to come from all directions alike."""
+    def of_lamps(self, light: FloatArray) -> FloatArray:
+        """Of other light (k, b) of lamps, taken to come from all directions alike."""
         shares = [law.diffuse_transmittance * (1.0 - law.diffuse) for law in self._laws]
         return np.asarray(np.array(shares)[:, None] * light)
 

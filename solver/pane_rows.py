@@ -15,13 +15,13 @@ from .exchange import Rows, form_factor_matrix, make_sources
 from .kernels.panes import Panes, Tree, pane_rows
 from .kernels.pyramid import Blockers
 from .kernels.threads import count_threads
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, MatrixArray
 from .model.elements import Elements
 from .model.scene import SceneData
 from .row_finder import Ask
 from .stages import Stages
 from .surfaces import Receivers
-from .topology import PLANAR, make_blockers, writable
+from .topology import PLANAR, make_blockers, normal_cones, shape_flags, writable
 from .web_light import WebPieces
 
 #: How often an element that panes cover in part is quartered at most.
@@ -57,7 +57,6 @@ class PaneRows:
         # The kernels skip what lies below the horizon: with such a radius, at every place.
         spheres[scene.opaque_count :, 3] = -1e300
         self._open: Blockers = self.walls._replace(spheres=spheres)
-        self._flat = self.walls.flags[scene.opaque_count :] & PLANAR != 0
         low, high = scene.patches.bounds()
         self._tolerance = 1e-9 * float(np.linalg.norm(high - low))
 
@@ -75,7 +74,8 @@ class PaneRows:
         areas : (n,) array
             Areas of the elements that take part. [m²]
         mesh : bool
-            Whether the receivers are the elements.
+            Whether the receivers are the elements, each as a whole: reciprocity then tells what
+            panes send.
         """
         count = rows.factors.shape[1]
         opaque, glass = np.arange(count), np.arange(count, len(elements))
@@ -118,42 +118,97 @@ class PaneRows:
             single=True,
         )
 
+    def left_of(self, factors: MatrixArray, asked: Ask, elements: Elements) -> FloatArray:
+        """What panes leave of any form factors (m, k) of some elements.
+
+        As `complete` takes it from those that there are: what is hidden besides is then told by
+        comparing both.
+        """
+        kept = np.array(factors, dtype=np.float32)
+        rows = Rows(kept, np.zeros_like(kept), {}, np.zeros((len(kept), 5)))
+        self._take(rows, asked, elements)
+        return np.asarray(kept, dtype=np.float64)
+
     def _keep_back(self, rows: Rows, asked: Ask, elements: Elements) -> None:
         """Multiply factors by the share that panes leave, in place."""
-        receivers, nets = asked.receivers, writable(elements.nets)
-        pieces, panes = WebPieces.of(nets), self.panes.nets
-        points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
-        corners = (panes[..., :3] / panes[..., 3:]).reshape(len(panes), 16, 3)
-        cones = self.walls.cones[self.scene.opaque_count :]
-        planes = np.concatenate(
-            [cones[:, :3], np.where(self._flat, self._tolerance, 0.0)[:, None]], axis=1
-        )
-        origins = corners[:, 0].copy()
-        heights = np.empty((len(panes), len(nets), 2))
-        for p, (plane, origin) in enumerate(zip(planes, origins, strict=True)):
-            above = (points - origin) @ plane[:3]
-            heights[p, :, 0], heights[p, :, 1] = above.min(axis=1), above.max(axis=1)
-        looked = np.zeros(len(receivers.nodes), dtype=np.int64)
-        pane_rows(
-            writable(receivers.nodes),
-            writable(receivers.normals),
-            writable(receivers.weights),
-            self.panes,
-            self.tree,
-            np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1),
-            planes,
-            origins,
-            points.min(axis=1),
-            points.max(axis=1),
-            heights,
-            nets,
-            pieces.points,
-            pieces.areas,
-            TOLERANCE * float(np.median(asked.sources.cell_eps)),
-            LEVELS,
-            count_threads(),
+        self.stages.count({"pairs_through_panes": self._take(rows, asked, elements)})
+
+    def _take(self, rows: Rows, asked: Ask, elements: Elements) -> int:
+        """The same; returns how many pairs were looked at."""
+        return keep_back(
             rows.factors,
             rows.variances,
-            looked,
+            asked.receivers,
+            elements,
+            self.panes,
+            self.tree,
+            self._tolerance,
+            TOLERANCE * float(np.median(asked.sources.cell_eps)),
         )
-        self.stages.count({"pairs_through_panes": int(looked.sum())})
+
+
+def keep_back(
+    factors: MatrixArray,
+    variances: MatrixArray,
+    receivers: Receivers,
+    elements: Elements,
+    panes: Panes,
+    tree: Tree,
+    rounding: float,
+    wanted: float,
+) -> int:
+    """Multiply form factors (m, k) of elements by the share that panes leave, in place.
+
+    Parameters
+    ----------
+    factors, variances : (m, k) float32 arrays
+        Both changed.
+    panes, tree : Panes, Tree
+        What is seen through, and what hides.
+    rounding : float
+        Distance from a flat pane that is none. [m]
+    wanted : float
+        Change of a form factor that does not matter.
+
+    Returns
+    -------
+    int
+        How many pairs were looked at.
+    """
+    nets, own = writable(elements.nets), panes.nets
+    pieces = WebPieces.of(nets)
+    points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
+    corners = (own[..., :3] / own[..., 3:]).reshape(len(own), 16, 3)
+    flat = shape_flags(own) & PLANAR != 0
+    planes = np.concatenate(
+        [normal_cones(own)[:, :3], np.where(flat, rounding, 0.0)[:, None]], axis=1
+    )
+    origins = corners[:, 0].copy()
+    heights = np.empty((len(own), len(nets), 2))
+    for p, (plane, origin) in enumerate(zip(planes, origins, strict=True)):
+        above = (points - origin) @ plane[:3]
+        heights[p, :, 0], heights[p, :, 1] = above.min(axis=1), above.max(axis=1)
+    looked = np.zeros(len(receivers.nodes), dtype=np.int64)
+    pane_rows(
+        writable(receivers.nodes),
+        writable(receivers.normals),
+        writable(receivers.weights),
+        panes,
+        tree,
+        np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1),
+        planes,
+        origins,
+        points.min(axis=1),
+        points.max(axis=1),
+        heights,
+        nets,
+        pieces.points,
+        pieces.areas,
+        wanted,
+        LEVELS,
+        count_threads(),
+        factors,
+        variances,
+        looked,
+    )
+    return int(looked.sum())

@@ -25,6 +25,8 @@ def make_panes(scene: SceneData) -> Panes:
         With or without panes.
     """
     rows = np.flatnonzero(scene.see_through)
+    if not len(rows):
+        return no_panes()
     angles: list[FloatArray] = [np.empty(0)]
     values: list[FloatArray] = [np.empty(0)]
     laws, end = np.zeros((len(scene.glazings), 5)), 0
@@ -45,6 +47,15 @@ def make_panes(scene: SceneData) -> Panes:
         np.concatenate(angles),
         np.concatenate(values),
     )
+
+
+def no_panes() -> Panes:
+    """What nothing is seen through."""
+    none = np.empty(0, dtype=np.int64)
+    tree = (np.empty((0, 6)), none.reshape(0, 2), none, np.empty((0, 4)))
+    nets = np.empty((0, 4, 4, 4)), none
+    laws = np.empty((0, 5)), np.empty(0), np.empty(0)
+    return Panes(*tree, *nets, np.empty(0, dtype=np.bool_), none, *laws)
 
 
 def make_tree(patches: PatchSet) -> Tree:

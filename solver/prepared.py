@@ -244,6 +244,7 @@ def _sources(
         azimuths=meridians(0),
         exact_above=np.zeros(len(nets)),
         point_from=np.full(len(nets), np.inf),
+        dim=np.ones(len(nets)),
         **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64), cones)._asdict(),
         **no_facets()._asdict(),
     )

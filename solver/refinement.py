@@ -17,14 +17,19 @@ References
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from .direct_light import DirectLight
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import gauss_rule, surface_points
 from .model.patches import PatchSet
 from .unknowns import lagrange
+
+if TYPE_CHECKING:
+    from .kept_light import KeptLight
 
 #: Gauss points a direction at which the light in a box is looked at: what lies within a fourteenth
 #: of it from its sides is not seen.
@@ -42,6 +47,42 @@ LOST = 2.0
 ROUNDS = 12
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Looked:
+    """Light of the lamps in n boxes, at the points of `LOOK` and at those of `NODES`.
+
+    Attributes
+    ----------
+    light, told : (n, 16) and (n, 4) array
+        Illuminance at both. [lx]
+    nearness : (n, 16) array
+        Of the lamps, see `DirectLight.at`. [1/m]
+    areas, shares : (n, 16) and (n, 4) array
+        Area about each point. [m²]
+    lengths : (n, 2) array
+        Lengths of the boxes. [m]
+    """
+
+    light: FloatArray
+    told: FloatArray
+    nearness: FloatArray
+    areas: FloatArray
+    shares: FloatArray
+    lengths: FloatArray
+
+    def _parts(self) -> tuple[FloatArray, ...]:
+        return self.light, self.told, self.nearness, self.areas, self.shares, self.lengths
+
+    def take(self, rows: IntArray) -> Looked:
+        """That in some of the boxes."""
+        return Looked(*(part[rows] for part in self._parts()))
+
+    def joined(self, others: Looked) -> Looked:
+        """That in these boxes and then in others."""
+        pairs = zip(self._parts(), others._parts(), strict=True)
+        return Looked(*(np.concatenate(pair) for pair in pairs))
+
+
 class Refiner:
     """Cuts the boxes of one scene.
 
@@ -51,17 +92,19 @@ class Refiner:
         The surfaces.
     reflectance : (p, 2) array
         Diffuse reflectance of both sides.
-    light : DirectLight
+    light : KeptLight
         What falls on them.
     distance : float
         Distance to what their light falls on, where no lamp is nearer. [m]
     """
 
     def __init__(
-        self, patches: PatchSet, reflectance: FloatArray, light: DirectLight, distance: float
+        self, patches: PatchSet, reflectance: FloatArray, light: KeptLight, distance: float
     ) -> None:
         self.patches, self.reflectance = patches, reflectance
         self.light, self.distance = light, distance
+        #: Light in the boxes that were made last.
+        self.looked: Looked | None = None
 
     def refine(self, boxes: Boxes, allowed: float, most: int) -> tuple[Boxes, float]:
         """Cut ``boxes`` until the share ``allowed`` of the reflected light is misplaced.
@@ -69,7 +112,8 @@ class Refiner:
         No more than ``most`` boxes are made. Returns them and the share that is left, which is
         about the relative error of light that has been reflected.
         """
-        wrong, flux = self._judge(boxes)
+        looked = self._look(boxes)
+        wrong, flux = self._judge(boxes, looked)
         total = float(flux.sum())
         for _ in range(ROUNDS):
             order = np.argsort(-wrong, kind="stable")
@@ -82,15 +126,29 @@ class Refiner:
             chosen = np.sort(order[:count])
             halves = self._cut(boxes.take(chosen))
             kept = np.setdiff1d(np.arange(len(boxes)), chosen)
-            wrong = np.append(wrong[kept], self._judge(halves)[0])
+            more = self._look(halves)
+            wrong = np.append(wrong[kept], self._judge(halves, more)[0])
             boxes, order = boxes.take(kept).joined(halves)
-            wrong = wrong[order]
+            wrong, looked = wrong[order], looked.take(kept).joined(more).take(order)
+        self.looked = looked
         return boxes, float(wrong.sum()) / total if total > 0.0 else 0.0
 
-    def _judge(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
-        """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]"""
+    def again(self, boxes: Boxes, looked: Looked) -> float:
+        """Share of the reflected light misplaced on ``boxes`` that were looked at before."""
+        wrong, flux = self._judge(boxes, looked)
+        self.looked, total = looked, float(flux.sum())
+        return float(wrong.sum()) / total if total > 0.0 else 0.0
+
+    def _look(self, boxes: Boxes) -> Looked:
+        """Light of the lamps in boxes."""
         light, nearness, areas, lengths = self._light(boxes, *LOOK)
         told, _, shares, _ = self._light(boxes, *NODES)
+        return Looked(light, told, nearness, areas, shares, lengths)
+
+    def _judge(self, boxes: Boxes, looked: Looked) -> tuple[FloatArray, FloatArray]:
+        """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]"""
+        light, told, nearness = looked.light, looked.told, looked.nearness
+        areas, shares, lengths = looked.areas, looked.shares, looked.lengths
         total = areas.sum(axis=1)
         mean = np.einsum("nk,nk->n", light, areas) / total
         lost = np.abs(np.einsum("nk,nk->n", told, shares) / shares.sum(axis=1) - mean) * total

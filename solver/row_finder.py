@@ -62,14 +62,18 @@ class Ask:
         lifts = None if self.lifts is None else self.lifts[rows]
         return replace(self, receivers=receivers, lifts=lifts, first=self.first + rows.start)
 
+    def taken(self, found: IntArray) -> Ask:
+        """The rows ``found``."""
+        lifts = None if self.lifts is None else self.lifts[found]
+        return replace(self, receivers=self.receivers.take(found), lifts=lifts)
+
     def finer(self, found: IntArray, factor: int) -> Ask:
         """The rows ``found`` with more meridians and smaller cells."""
         sources = self.sources._replace(
             azimuths=meridians(factor * len(self.sources.azimuths)),
             cell_eps=self.sources.cell_eps / factor,
         )
-        lifts = None if self.lifts is None else self.lifts[found]
-        return replace(self, receivers=self.receivers.take(found), sources=sources, lifts=lifts)
+        return replace(self.taken(found), sources=sources)
 
 
 class RowFinder:

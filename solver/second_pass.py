@@ -18,10 +18,12 @@ from .glossy import NEAR, radiance, shining_of
 from .model.arrays import FloatArray, frozen
 from .model.result import luminous
 from .model.scene import SceneData
+from .panes import make_panes
 from .raycast import RayCaster
 from .skies import ground_luminance, sky_tone, sun_luminance
 from .spectra import cct_to_rgb
 from .surfaces import Surfaces
+from .uneven_pieces import shining_pieces
 
 if TYPE_CHECKING:
     from .kernels.glossy import Beyond
@@ -114,7 +116,8 @@ class SecondPass:
         self._tree = Tree(
             *(RayCaster(scene.without_panes.patches) if caster is None else caster).arrays
         )
-        self._lamps = np.flatnonzero(surfaces.emitted.any(axis=1))
+        self.panes = make_panes(scene)
+        self._lamps, self._levels, self._nets = shining_pieces(scene, surfaces)
         self._centers = [elements.nodes[surfaces.lamp == web.row].mean(axis=(0, 1)) for web in webs]
 
     def lobes(
@@ -162,19 +165,18 @@ class SecondPass:
             table = values.reshape(len(values), columns)
             return np.concatenate([table, np.zeros((len(values), own))], axis=1)
 
-        lamps = self._lamps
-        luminance = flat(emitted[lamps])
-        brightness = luminous(self.surfaces.emitted[lamps]) / np.pi
+        lamps, levels = self._lamps, self._levels
+        luminance = flat(emitted[lamps] * levels[:, None, None])
+        brightness = luminous(self.surfaces.emitted[lamps]) * levels / np.pi
         for k, web in enumerate(self.webs):
             # By shape alone here; times the luminance in the direction of each point below.
             luminance[:, columns + k] = self.surfaces.lamp[lamps] == web.row
-        elements = self.surfaces.elements
         found = radiance(
             points, normals, views, exponents, floors,
             Lobe(self.conserving, self.trace, accuracy, rays, rounds, self.near),
-            shining_of(elements.nets[lamps], luminance, brightness),
+            shining_of(self._nets, luminance, brightness),
             flat(light), flat(emitted), self._beyond(by_group, columns + own),
-            self._tree, self._sides,
+            self._tree, self.panes, self._sides,
         )  # fmt: skip
         out = found[:, :columns].reshape(-1, count, self.bands)
         for k, web in enumerate(self.webs):

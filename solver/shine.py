@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -86,8 +87,13 @@ class Shine:
         """Share (m, 3) that what is seen mirrors."""
         return np.asarray(self._mirror[seen.hits.patch, seen.side])
 
-    def add_lobes(self, rgb: FloatArray, seen: Seen) -> None:
-        """Turn diffuse luminances (m, 3) into those of glossy surfaces where there are any."""
+    def add_lobes(
+        self, rgb: FloatArray, seen: Seen, emitted: Callable[[IntArray], FloatArray]
+    ) -> None:
+        """Turn diffuse luminances (m, 3) into those of glossy surfaces where there are any.
+
+        ``emitted`` tells what of the luminances (k, 3) of some rows the surfaces emit.
+        """
         if self.second is None:
             return
         sides, patch, side = self.second.sides, seen.hits.patch, seen.side
@@ -98,7 +104,10 @@ class Shine:
         if not len(rows):
             return
         patch, side = patch[rows], side[rows]
-        scattered = rgb[rows] - self._emitted(patch, side)
+        scattered = rgb[rows]
+        shining = np.flatnonzero(self.scene.luminaire_index[patch, side] >= 0)
+        if len(shining):
+            scattered[shining] -= emitted(rows[shining])
         found, albedo = self.second.lobes(
             seen.points(rows),
             seen.normals[rows],
@@ -112,16 +121,3 @@ class Shine:
         )
         share, specular = sides.share[patch, side], sides.specular[patch, side]
         rgb[rows] += specular * found[:, 0] - share * albedo[:, None] * scattered
-
-    def _emitted(self, patch: IntArray, side: IntArray) -> FloatArray:
-        """Luminance (m, 3) or (m, 1) that patch sides emit alike in all directions. [cd/m²]"""
-        table = np.zeros((len(self.scene.luminaires) + 1, 3))
-        for row, lamp in enumerate(self.scene.luminaires):
-            if lamp.web is None:
-                color = np.asarray(lamp.color) if self._colored else 1.0
-                table[row] = lamp.luminance_cd_m2 * color
-        return np.asarray(table[self.scene.luminaire_index[patch, side]])
-
-    @property
-    def _colored(self) -> bool:
-        return self.second is not None and self.second.bands == 3

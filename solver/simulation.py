@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import BASES, Budget, most_varying
+from .budget import BASES, Budget, most_varying, scene_bytes
 from .containment import Containment
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -17,13 +17,14 @@ from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
 from .memory import PAIR_BYTES, check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
-from .mesh_error import MeshError
+from .mesh_error import MeshError, doubt_on
 from .mesh_sample import sampled_misplaced
 from .model.arrays import FloatArray
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .packed import PackedMatrix
 from .placement import check_placement
+from .reuse import STORE, Kept, Mesh, forget
 from .row_finder import FINE_SHARE
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
@@ -50,6 +51,7 @@ def solve(
     balanced_mesh: bool = False,
     progress: Progress | None = None,
     threads: int | None = None,
+    cache: bool = False,
 ) -> Result:
     """Solve a frozen scene.
 
@@ -75,6 +77,9 @@ def solve(
         Called as ``progress(stage, done, total)``.
     threads : int, optional
         Threads of the kernels; all cores when not given. The numbers do not depend on it.
+    cache : bool
+        Whether to take what earlier runs of this process found, as far as it holds for this scene,
+        and to keep what this one finds; see `reuse`.
 
     Returns
     -------
@@ -111,9 +116,8 @@ def solve(
             from .nn93_simulation import Nn93Simulation
 
             kind = Nn93Simulation
-        run = kind(scene, accuracy, visibility, Stages(progress), basis)
-        run.balanced_mesh = balanced_mesh
-        return run.run()
+        options = Options(basis=basis, balanced=balanced_mesh, cache=cache)
+        return kind(scene, accuracy, visibility, Stages(progress), options).run()
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -137,13 +141,20 @@ class Solved:
     without_mesh: dict[str, SensorResult]
 
 
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What may be chosen besides accuracy and visibility; see `solve`."""
+
+    basis: str | None = None
+    balanced: bool = False
+    cache: bool = False
+
+
 class Simulation:
     """One run; each method is a stage."""
 
     #: How the scene is solved, and how light varies over elements.
     method, basis = "default", "bilinear"
-    #: Whether neighbours in the mesh are to differ by one cut at most.
-    balanced_mesh = False
 
     def __init__(
         self,
@@ -151,44 +162,78 @@ class Simulation:
         accuracy: float,
         visibility: str,
         stages: Stages,
-        basis: str | None = None,
+        options: Options,
     ) -> None:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
+        # What decided on a mesh is known only for the boxes it was known for before balancing.
+        self.store = STORE if options.cache and not options.balanced else None
+        self.balance = options.balanced
+        self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
-        self.basis = self.basis if basis is None else basis
+        self.basis = options.basis or self.basis
         self.budget = Budget.of(scene, accuracy, self.basis)
         self.largest_grid = max((len(grid) for grid in scene.sensors), default=0)
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
+        #: What mirrors and panes take besides, a pair. [B]
+        self.more = scene_bytes(scene)
+        if len(STORE) and not self._is_roomy():
+            forget()  # what is kept may be found again
+            self.budget = Budget.of(scene, accuracy, self.basis)
         check_memory(
-            self.budget.elements, self.largest_grid, least_elements=sides, accuracy=accuracy
+            self.budget.elements,
+            self.largest_grid,
+            least_elements=sides,
+            accuracy=accuracy,
+            more=self.more,
         )
+
+    def _is_roomy(self) -> bool:
+        """Whether memory sets no bound to the mesh that is asked for."""
+        budget = self.budget
+        varying = (
+            budget.basis != "constant"
+            or self._scatters
+            or budget.elements > most_varying(self.basis)
+        )
+        return varying and fits(budget.elements, self.largest_grid, self.more)
+
+    @property
+    def _scatters(self) -> bool:
+        """Whether panes diffuse light: they are known by whole elements."""
+        return any(glazing.glass.diffuse > 0.0 for glazing in self.scene.glazings)
 
     def run(self) -> Result:
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
+            kept = Kept(scene, stages=stages, store=self.store)
             opaque = scene.without_panes
-            blockers = make_blockers(opaque.patches, opaque.closed, opaque.patches.part_index)
+            solids = opaque.patches, opaque.closed, opaque.patches.part_index
+            blockers = kept.find("blockers", (), lambda: make_blockers(*solids))
             tester = Containment(scene)
-            stages.warnings.extend(check_placement(scene, tester))
+            stages.warnings.extend(self._remarks(kept, tester))
         self._say_skipped(blockers)
         told, elements = self.budget.basis, self.budget.elements
-        if told != self.basis and elements <= most_varying(self.basis) and not scene.glazings:
+        if told != self.basis and elements <= most_varying(self.basis) and not self._scatters:
             stages.warnings.append(
                 f"exitance is taken for {told} on every element: the memory that is free does not "
                 f"hold more for {elements} elements"
             )
         trace = "visibility" not in stages.skipped
-        solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester)
-        solver.mesher.balance = self.balanced_mesh
-        solved = self._solved(solver)
+        kept = kept.with_more(trace)
+        solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester, kept=kept)
+        solver.mesher.balance = self.balance
+        solved = self._solved(solver, kept)
+        kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
         light = finer.light
         images = self._images(field, finer, solver)
         self._warn_dark(sensors, light.luminous())
         stages.warnings.extend(ledger_warning(solved.balance))
-        on_elements = solved.error.of(light, finer.shift)
+        converged = self._converged(sensors)
+        self._keep_mesh(solver, kept, solved, converged=converged)
+        on_elements = solved.error.of(light, doubt_on(field, finer))
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
@@ -207,11 +252,11 @@ class Simulation:
                 **stages.figures,
                 "visibility": self.visibility,
                 "method": self.method,
-                "balanced_mesh": self.balanced_mesh,
+                "balanced_mesh": self.balance,
                 "bands": solver.bands,
             },
             warnings=tuple(stages.warnings),
-            converged=self._converged(sensors),
+            converged=converged,
         )
 
     def _count(self, field: Field) -> None:
@@ -221,10 +266,24 @@ class Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(self, solver: FieldSolver) -> Solved:
+    def _solved(self, solver: FieldSolver, kept: Kept) -> Solved:
+        """Light on the mesh of a run before this one, if it does, or on one of the scene's own."""
+        before, solved = kept.mesh(self.budget), None
+        if before is not None:
+            with self.stages.run("elements"):
+                misplaced = solver.mesher.misplaced_again(before, self.budget)
+            if before.still_good(misplaced, self.budget.misplaced):
+                solver.mesh_before = before
+                solved = self._on(solver, before.boxes)
+                if before.converged and not self._converged(solved.sensors):
+                    solver.mesh_before = solved = None
+        self.stages.figures["mesh_of_earlier_run"] = solved is not None
+        return self._on_own_mesh(solver, kept) if solved is None else solved
+
+    def _on_own_mesh(self, solver: FieldSolver, kept: Kept) -> Solved:
         """Light on the mesh of the budget, cut further where its error is too large."""
         boxes, misplaced = solver.mesher.boxes(self.budget)
-        solved = self._on(solver, boxes, misplaced)
+        solved = self._on(solver, boxes)
         for _ in range(REFINEMENTS):
             if self._converged(solved.sensors) or not self._converged(solved.without_mesh):
                 break  # it is good enough, or not for the mesh that it is not
@@ -238,37 +297,71 @@ class Simulation:
                 )
                 break
             boxes, misplaced = finer, solver.mesher.misplaced(finer, misplaced)
-            solved = self._on(solver, boxes, misplaced)
+            solved = self._on(solver, boxes)
+        self._own_mesh = boxes, misplaced
         return solved
 
     def _fits(self, elements: int) -> bool:
-        varying = self.budget.basis != "constant"
-        if varying and not has_room(varying_bytes(self.budget.basis) * elements**2):
-            return False
-        return fits(elements, self.largest_grid)
+        enough = self._has_room(elements)
+        if not enough and len(STORE):
+            forget()
+            enough = self._has_room(elements)
+        return enough
 
-    def _on(self, solver: FieldSolver, boxes: Boxes, misplaced: float) -> Solved:
+    def _has_room(self, elements: int) -> bool:
+        varying = self.budget.basis != "constant"
+        if varying and not has_room(varying_bytes(self.budget.basis, self.more) * elements**2):
+            return False
+        return fits(elements, self.largest_grid, self.more)
+
+    def _keep_mesh(
+        self, solver: FieldSolver, kept: Kept, solved: Solved, *, converged: bool
+    ) -> None:
+        """Keep what a later run needs to take the same mesh."""
+        if self._own_mesh is None:
+            return
+        boxes, misplaced = self._own_mesh
+        field = solved.field
+        mesh = Mesh(
+            boxes=boxes,
+            misplaced=misplaced,
+            looked=solver.mesher.looked,
+            nets=self.scene.patches.control_points,
+            lamps=solver.mesher.lamps(self.budget),
+            fineness=field.fineness,
+            halved=solved.finer.halved,
+            converged=converged,
+        )
+        kept.keep_mesh(self.budget, mesh)
+
+    def _remarks(self, kept: Kept, tester: Containment) -> tuple[str, ...]:
+        """What is placed where it makes no sense; if nothing, whatever the lamps' flux."""
+        scene = self.scene
+        lamps = [(lamp.part, lamp.area_m2) for lamp in scene.luminaires]
+        flux = [lamp.flux_lm for lamp in scene.luminaires]
+        at = (scene.luminaire_index, lamps, scene.cameras, scene.sensors)
+        lines, told = kept.find("placement", at, lambda: (check_placement(scene, tester), flux))
+        return lines if not lines or told == flux else check_placement(scene, tester)
+
+    def _on(self, solver: FieldSolver, boxes: Boxes) -> Solved:
         """Light on one mesh, and at the sensors."""
         budget = self.budget
-        field = solver.solve(budget, boxes, misplaced)
+        field = solver.solve(budget, boxes)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
-        everywhere = False
+        misplaced = None
         if budget.is_large or not _has_room_for_pieces(field):
-            # Light of any source is known to be in the wrong place.
-            misplaced, everywhere = sampled_misplaced(solver, budget, field), True
+            misplaced = sampled_misplaced(solver, budget, field)
             self.stages.figures["sampled_misplaced_flux"] = misplaced
             self.stages.skipped["iterated gather"] = (
                 f"{len(boxes)} elements: light is looked at more closely on some of them instead"
             )
-        finer = as_it_is(field) if everywhere else solver.finer(field, budget, seen)
+        finer = solver.finer(field, budget, seen) if misplaced is None else as_it_is(field)
         balance = self._balance(field, finer, solver)
-        lamps = solver.lamp_groups
-        lacking = abs(balance.residual_fraction)
-        error = MeshError(misplaced, lacking, finer.unseen, None if everywhere else tuple(lamps))
+        error = MeshError.of_finer(finer, misplaced or 0.0, abs(balance.residual_fraction))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
-            gathered, change = solver.gather(grid, seen[k], field, finer)
-            sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, change))
+            gathered, doubt = solver.gather(grid, seen[k], field, finer)
+            sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, doubt))
             without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
         return Solved(field, finer, balance, error, sensors, without_mesh)
 
@@ -312,7 +405,7 @@ class Simulation:
         balance = solver.panes.in_ledger(
             balance,
             surfaces,
-            field.system.factors,
+            lambda rows: field.unknowns.of_whole(field.system.factors, rows),
             surfaces.diffuse + finer.reflected,
             finer.light.components,
         )

@@ -121,6 +121,14 @@ class Surfaces:
         return cls(elements, areas, rho, emitted, material, lamp, np.isin(lamp, webs), emission)
 
     @property
+    def uneven(self) -> NDArray[np.bool_]:
+        """Which elements (n,) are of lamps whose exitance varies over them."""
+        out = np.zeros(len(self.areas), dtype=bool)
+        if self.emission is not None:
+            out[self.emission.element] = True
+        return out
+
+    @property
     def diffuse(self) -> FloatArray:
         """Exitance (n, b) emitted alike in all directions; webs are none of it. [lm/m²]"""
         return np.where(self.web[:, None], 0.0, self.emitted)

@@ -104,7 +104,7 @@ def make_facets(
 
 def _facet_boxes(elements: Elements) -> tuple[IntArray, FloatArray]:
     """Element (f,) and parameters (f, 4) u0, u1, v0, v1 of every facet, sorted by element."""
-    counts = facet_counts(elements.nets)
+    counts = _alike(elements, facet_counts(elements.nets))
     boxes, owner = [], []
     for nu, nv in np.unique(counts, axis=0):
         rows = np.flatnonzero((counts == (nu, nv)).all(axis=1))
@@ -121,6 +121,23 @@ def _facet_boxes(elements: Elements) -> tuple[IntArray, FloatArray]:
     element = np.concatenate(owner)
     order = np.argsort(element, kind="stable")
     return element[order], np.concatenate(boxes)[order]
+
+
+def _alike(elements: Elements, counts: IntArray) -> IntArray:
+    """Counts (n, 2) that agree along u in each column of elements, and along v in each row.
+
+    Facets on both sides of a curved line would overlap in slivers, and hide each other, if they
+    parted it at different places.
+    """
+    out = counts.copy()
+    side = np.stack([elements.patch_index, elements.side], axis=1)
+    for axis in (0, 1):
+        own = np.column_stack([side, elements.boxes[:, 2 * axis : 2 * axis + 2]])
+        of = unique_rows(own)[1]
+        most = np.zeros(int(of.max(initial=-1)) + 1, dtype=np.int64)
+        np.maximum.at(most, of, counts[:, axis])
+        out[:, axis] = most[of]
+    return out
 
 
 def _in_grids(

@@ -10,6 +10,7 @@ from .hidden_parts import HiddenParts, partly_hidden
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.scene import SceneData
+from .pane_field import PaneField
 from .row_finder import FINE_SHARE, Ask
 from .stages import Stages
 from .surfaces import Surfaces
@@ -29,6 +30,8 @@ class UnevenField:
         The scene.
     blockers : Blockers
         Its patches as obstacles.
+    panes : PaneField
+        What is seen through.
     trace : bool
         Whether anything can hide anything.
     stages : Stages
@@ -36,9 +39,16 @@ class UnevenField:
     """
 
     def __init__(
-        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+        self,
+        scene: SceneData,
+        blockers: Blockers,
+        panes: PaneField,
+        *,
+        trace: bool,
+        stages: Stages,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        self.panes = panes
 
     def add(
         self,
@@ -113,6 +123,8 @@ class UnevenField:
             eps=eps,
             trace=False,
         ).factors
+        # Panes dim what is seen as a whole: that hides no part of it.
+        plain = self.panes.left_of(plain, asked, elements)
         wrong = partly_hidden(factors, plain) * emission.span
         if not closely:
             return np.asarray(0.25 * (wrong**2).sum(axis=1))

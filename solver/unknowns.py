@@ -186,9 +186,24 @@ class Unknowns:
         sums = [self._sum(self._shares() * column) for column in flat.T]
         return np.stack(sums, axis=1).reshape(self.elements, *values.shape[1:])
 
+    def of_whole(self, factors: MatrixArray, rows: IntArray) -> FloatArray:
+        """Form factors (k, n) between elements, from some ``rows`` (k,), by those (N, N) of all."""
+        share, out = self._shares(), np.zeros((len(rows), self.elements))
+        for k, row in enumerate(rows):
+            own = np.flatnonzero(self.element == row)
+            mean = share[own] @ np.asarray(factors[own], dtype=np.float64)
+            out[k] = np.bincount(self.element, weights=mean, minlength=self.elements)
+        return out
+
     def evenly(self, factors: MatrixArray) -> MatrixArray:
         """Form factors (m, N) that see elements evenly, given those (m, n) of the elements."""
         return np.asarray(factors[:, self.element] * self._shares().astype(factors.dtype))
+
+    def add_evenly(self, factors: MatrixArray, more: MatrixArray) -> None:
+        """Add to form factors (m, N), in place, ``more`` (m, n) of evenly seen elements."""
+        for first in range(0, len(factors), BLOCK):
+            some = slice(first, first + BLOCK)
+            factors[some] += self.evenly(more[some])
 
     def mean_variance(self, values: FloatArray) -> FloatArray:
         """Variances (n,) of the means, for independent variances ``values`` (N,)."""

@@ -16,6 +16,7 @@ from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
+from .pane_field import PaneField
 from .row_finder import FINE_SHARE, Ask
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
@@ -45,6 +46,8 @@ class WebField:
         The scene.
     blockers : Blockers
         Its patches as obstacles.
+    panes : PaneField
+        What is seen through.
     trace : bool
         Whether anything can hide anything.
     stages : Stages
@@ -52,9 +55,16 @@ class WebField:
     """
 
     def __init__(
-        self, scene: SceneData, blockers: Blockers, *, trace: bool, stages: Stages
+        self,
+        scene: SceneData,
+        blockers: Blockers,
+        panes: PaneField,
+        *,
+        trace: bool,
+        stages: Stages,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
+        self.panes = panes
         lamps = enumerate(scene.luminaires)
         self._rows = [row for row, lamp in lamps if lamp.web is not None and lamp.flux_lm > 0.0]
         self._lamps: dict[float, list[WebLamp]] = {}
@@ -135,7 +145,7 @@ class WebField:
             "count": self.stages.count,
         }
         # Panes dim the rows there are; what is traced anew knows nothing of them.
-        if self.trace and fine and not self.scene.see_through.any():
+        if self.trace and fine and not self.panes.any:
             return lamp.refined(
                 receivers,
                 lamp.traced(receivers, self.blockers, budget.divisions, **how),
@@ -148,6 +158,7 @@ class WebField:
         own = np.flatnonzero(surfaces.lamp == lamp.row)
         elements = surfaces.elements.take(own)
         plain = lamp.plain_factors(receivers, elements, self.blockers, eps=how["eps"])
+        plain = np.asarray(self.panes.left_of(plain, asked, elements))
         light = lamp.light(
             receivers,
             elements,

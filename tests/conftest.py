@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -69,3 +70,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if hasattr(config, "workerinput"):
         rank = {name: k for k, name in enumerate(_FIRST)}
         items.sort(key=lambda item: rank.get(item.path.stem, len(_FIRST)))
+
+
+@pytest.fixture(autouse=True)
+def nothing_kept_between_tests():
+    """What a test counts must not depend on the tests before it."""
+    yield
+    reuse = sys.modules.get("patchlight.solver.reuse")
+    if reuse is not None:
+        reuse.forget()

@@ -57,8 +57,8 @@ def _unoccluded(
     _find_dark(x, n, own_patch, own, sources, blockers, dark)
     mean_factors(x, n, sources, sources.point_from, factors)
     left = far_factors(
-        x, n, sources, sources.group, dark, sources.cones, sources.spheres, near_ratio, eps,
-        sources.azimuths.shape[0] == 0, integral, factors, near,
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim, near_ratio,
+        eps, sources.azimuths.shape[0] == 0, integral, factors, near,
     )  # fmt: skip
     for m in range(left):
         j = near[m]

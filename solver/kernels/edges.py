@@ -149,7 +149,7 @@ def find_dark(x, n, nets, cones, spheres, dark):
 
 @kernel
 def far_factors(
-    x, n, edges, group, dark, cones, spheres, near_ratio, eps, shared, integral, factors, near
+    x, n, edges, group, dark, cones, spheres, dim, near_ratio, eps, shared, integral, factors, near
 ):  # fmt: skip
     """Unoccluded form factors of all elements that are `OPEN` still and not too near.
 
@@ -161,6 +161,8 @@ def far_factors(
         Groups of which nothing is seen.
     cones, spheres : (n, 4) array
         Normal cones and bounding spheres of the elements.
+    dim : (n,) array
+        Share of ``eps`` that each element may have.
     near_ratio : float
         Elements nearer than this many of their radii are not done here.
     eps : float
@@ -222,7 +224,7 @@ def far_factors(
                 total = integral[edge_of[j, 0]] + integral[edge_of[j, 1]]
                 total -= integral[edge_of[j, 2]] + integral[edge_of[j, 3]]
                 factors[j] = max(0.0, -edge_sign[j] * total / TWO_PI)
-            elif not good and AREA_ERROR * radius * radius >= eps * distance * distance:
+            elif not good and AREA_ERROR * radius * radius >= eps * dim[j] * distance * distance:
                 near[left] = j
                 left += 1
             else:

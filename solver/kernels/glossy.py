@@ -18,6 +18,7 @@ import numpy as np
 
 from .bvh import STACK, trace_ray
 from .compiled import lean, parallel
+from .dimmed import left_on_ray
 from .paths import LEAST_SHARE, MOST_MIRRORS, Walk, element_at, frame_at, mirrored, next_hit
 from .ray_patch import MISS, WORK
 from .sky_luminance import sky_luminance
@@ -138,7 +139,7 @@ def _hidden(x, y, z, dx, dy, dz, reach, near, tree, walk):
 
 
 @lean
-def _cell(x, n, axis, exponent, net, box, lobe, tree, walk, found):
+def _cell(x, n, axis, exponent, net, box, lobe, tree, panes, walk, pane, found):
     """One cell by 3 x 3 Gauss points into ``found`` (5,).
 
     Its share of the lobe, sine of its radius from the receiver, whether it is partly hidden (1, or
@@ -178,7 +179,10 @@ def _cell(x, n, axis, exponent, net, box, lobe, tree, walk, found):
         if lobe.trace and _hidden(x[0], x[1], x[2], dx, dy, dz, r, lobe.near, tree, walk):
             continue
         seen += 1
-        share += solid * cosine**exponent * (here if lobe.cosine else 1.0)
+        left = left_on_ray(
+            panes, x[0], x[1], x[2], dx, dy, dz, lobe.near, r - lobe.near, walk, pane
+        )
+        share += left * solid * cosine**exponent * (here if lobe.cosine else 1.0)
     radius = 1.3 * math.sqrt(widest)  # to the corners, beyond the outer Gauss points
     middle = cx * axis[0] + cy * axis[1] + cz * axis[2]
     least = math.acos(min(max(middle, -1.0), 1.0)) - 2.0 * math.asin(min(0.5 * radius, 1.0))
@@ -189,12 +193,14 @@ def _cell(x, n, axis, exponent, net, box, lobe, tree, walk, found):
 
 @lean
 def lamp_share(
-    x, n, axis, exponent, net, scale, bright, floor, lobe, tree, walk, boxes, level, found
+    x, n, axis, exponent, net, scale, bright, floor, lobe, tree, panes, walk, pane, boxes, level,
+    found,
 ):  # fmt: skip
     """Share of the lobe, without its factor, that one lamp element fills.
 
     ``scale`` is that of `Shining`, ``bright`` the luminance of the element and ``floor`` what is no
-    longer seen beside it; ``boxes`` (s, 4), ``level`` (s,) and ``found`` (5,) are scratch.
+    longer seen beside it; ``pane`` (6,), ``boxes`` (s, 4), ``level`` (s,) and ``found`` (5,)
+    are scratch.
     """
     sharp = max(exponent, 8.0)
     # Gauss' rule of degree 5 is off by the third power of this.
@@ -207,7 +213,7 @@ def lamp_share(
         top -= 1
         box = boxes[top]
         deep = level[top]
-        _cell(x, n, axis, exponent, net, box, lobe, tree, walk, found)
+        _cell(x, n, axis, exponent, net, box, lobe, tree, panes, walk, pane, found)
         peak = 0.0
         if found[4] < 0.5 * math.pi:
             peak = math.cos(found[4]) ** exponent
@@ -249,7 +255,7 @@ def _in_lobe(x, n, axis, exponent, sphere, bright, floor, lobe):
 
 
 @lean
-def _sun_share(x, n, axis, exponent, sun, lobe, tree, walk):
+def _sun_share(x, n, axis, exponent, sun, lobe, tree, panes, walk, pane):
     """Share of the lobe, without its factor, that the sun's disc fills: 1 + 6 + 12 places."""
     s = math.sqrt(max(1.0 - sun[3] * sun[3], 0.0))
     # Any two directions across the sun's.
@@ -279,21 +285,35 @@ def _sun_share(x, n, axis, exponent, sun, lobe, tree, walk):
             continue
         if lobe.trace and _hidden(x[0], x[1], x[2], dx, dy, dz, 1e300, lobe.near, tree, walk):
             continue
-        total += value
+        total += value * left_on_ray(
+            panes, x[0], x[1], x[2], dx, dy, dz, lobe.near, 1e300, walk, pane
+        )
     return sun[4] * total / 19.0
 
 
 @lean
-def _look(x, direction, share, light, emitted, beyond, tree, sides, near, walk, out):
+def _look(
+    x, direction, share, light, emitted, beyond, tree, panes, sides, near, walk, pane, out
+):  # fmt: skip
     """Add ``share`` times what is seen along a ray, over mirrors, to ``out`` (c,).
 
     Lamps count in mirrors only: those seen as such are integrated by themselves.
     """
     for k in range(3):
         walk.ray[k], walk.ray[3 + k] = x[k], direction[k]
-    start = share
+    start, ray = share, walk.ray
     for turn in range(MOST_MIRRORS):
         hit, u, v = next_hit(tree, walk, near)
+        if panes.nets.shape[0]:
+            reach = 1e300 * start / start  # not a literal, as above
+            if hit >= 0:
+                reach = 0.0
+                for k in range(3):
+                    reach += (walk.place[k] - ray[k]) * ray[3 + k]
+                reach -= near
+            share *= left_on_ray(
+                panes, ray[0], ray[1], ray[2], ray[3], ray[4], ray[5], near, reach, walk, pane
+            )
         if hit < 0:
             if walk.ray[5] <= 0.0:
                 for c in range(out.shape[0]):
@@ -322,7 +342,7 @@ def _look(x, direction, share, light, emitted, beyond, tree, sides, near, walk, 
 @parallel
 def lobe_light(
     points, normals, axes, exponents, floors, lobe, rule, shining, light, emitted, beyond, tree,
-    sides, out,
+    panes, sides, out,
 ):  # fmt: skip
     """Radiance from glossy points for a glossy reflectance of 1.
 
@@ -334,8 +354,9 @@ def lobe_light(
         Where the view is mirrored to, of unit length.
     exponents, floors : (m,) array
         Sharpness of the lobes, and luminance that does not matter for each unit of accuracy.
-    lobe, rule, shining, beyond, tree, sides
-        `Lobe`, the rule of `albedo`, `Shining`, `Beyond`, `paths.Tree` and `paths.Sides`.
+    lobe, rule, shining, beyond, tree, panes, sides
+        `Lobe`, the rule of `albedo`, `Shining`, `Beyond`, `paths.Tree`, `panes.Panes`, which are
+        not in the tree, and `paths.Sides`.
     light, emitted : (n, c) array
         Luminance of the elements by what they reflect, and by what they emit. [cd/m²]
     out : (m, c + 1) array
@@ -345,7 +366,7 @@ def lobe_light(
     for group in nb.prange((points.shape[0] + _GROUP - 1) // _GROUP):
         walk = Walk(np.empty(6), np.empty(6), np.empty(STACK, dtype=np.int64), np.empty(WORK))
         boxes, level = np.empty((4 * _LEVELS, 4)), np.empty(4 * _LEVELS, dtype=np.int64)
-        found, d, seen = np.empty(5), np.empty(3), np.empty(columns)
+        found, d, seen, pane = np.empty(5), np.empty(3), np.empty(columns), np.empty(6)
         for i in range(group * _GROUP, min((group + 1) * _GROUP, points.shape[0])):
             x, n, axis, exponent = points[i], normals[i], axes[i], exponents[i]
             power = exponent + 2.0 if lobe.cosine else exponent + 1.0
@@ -355,12 +376,14 @@ def lobe_light(
                 if _in_lobe(x, n, axis, exponent, shining.spheres[k], bright, floors[i], lobe):
                     share = factor * lamp_share(
                         x, n, axis, exponent, shining.nets[k], shining.scales[k], bright, floors[i],
-                        lobe, tree, walk, boxes, level, found,
+                        lobe, tree, panes, walk, pane, boxes, level, found,
                     )  # fmt: skip
                     for c in range(columns):
                         out[i, c] += share * shining.luminance[k, c]
             if beyond.sun[3] <= 1.0:
-                share = factor * _sun_share(x, n, axis, exponent, beyond.sun, lobe, tree, walk)
+                share = factor * _sun_share(
+                    x, n, axis, exponent, beyond.sun, lobe, tree, panes, walk, pane
+                )
                 for c in range(columns):
                     out[i, c] += share * beyond.sun_light[c]
             cosine = axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]
@@ -402,8 +425,9 @@ def lobe_light(
                         for c in range(columns):
                             before -= seen[c]
                         _look(
-                            x, d, share, light, emitted, beyond, tree, sides, lobe.near, walk, seen
-                        )
+                            x, d, share, light, emitted, beyond, tree, panes, sides, lobe.near,
+                            walk, pane, seen,
+                        )  # fmt: skip
                         for c in range(columns):
                             before += seen[c]
                         first += before

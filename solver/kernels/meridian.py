@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import kernel, lean
-from .cuts import cut_polygon
+from .cuts import ZENITH, cut_polygon
 
 #: Elevations that the pieces of a meridian are indexed by.
 BINS = 32
@@ -205,7 +205,8 @@ def cut_panels(
         slope = upright * over
         line = first % number
         for k in range(first, end):
-            low, high = max(ends[k, 0], 0.0), ends[k, 1]
+            # Beside a corner on the axis the tangent has no bound; sweeps end at the zenith.
+            low, high = max(ends[k, 0], 0.0), min(ends[k, 1], ZENITH)
             if high > low:
                 if s < room:
                     span[s, 0], span[s, 1] = low, high

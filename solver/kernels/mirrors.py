@@ -13,6 +13,8 @@ import numpy as np
 
 from .bvh import STACK
 from .compiled import lean, parallel
+from .dimmed import left_on_ray, next_pane
+from .panes import MOST_CROSSED
 from .paths import LEAST_SHARE, MOST_MIRRORS, Walk, element_at, frame_at, mirrored, next_hit
 from .ray_patch import WORK
 from .sky_luminance import sky_luminance
@@ -24,6 +26,8 @@ _MOST = 48
 _LEVELS, _FOOT, _MOST_RAYS = 6, 0.5, 100_000
 #: Variance of a share by stratified rays against that by independent ones.
 _EVEN = 0.5
+#: Surfaces that light meets on its way where nothing hides anything, and ways parted at mirrors.
+_MOST_MET, _BRANCHES = 512, 32
 #: Columns of what is seen beyond the scene: sky and ground in one imaged mirror alone, then others.
 SKY_IMAGED, SKY, GROUND_IMAGED, GROUND = range(4)
 
@@ -100,7 +104,7 @@ def _shows_edge(x, net, box, side, spheres, place, ends):
 
 
 @lean
-def _to_mirror(x, n, net, box, side, seed, near, tree, walk, row, ray):
+def _to_mirror(x, n, net, box, side, seed, near, trace, tree, panes, walk, pane, row, ray):
     """Share of a cell, with the mirrored ray from it into ``ray``; 0 where it is not seen."""
     seed = _scrambled(seed)
     u = box[0] + (box[1] - box[0]) * (seed >> 8) / 8388608.0
@@ -121,14 +125,21 @@ def _to_mirror(x, n, net, box, side, seed, near, tree, walk, row, ray):
     r = math.sqrt(r2)
     for k in range(3):
         walk.ray[3 + k] /= r
-    hit, _, _ = next_hit(tree, walk, near)
-    if hit != row:
-        return 0.0
-    off = 0.0
-    for k in range(3):
-        off = max(off, abs(walk.place[k] - x[k] - r * walk.ray[3 + k]))
-    if off > 1e-6 * r + near:
-        return 0.0  # another part of the same side
+    if trace:
+        hit, _, _ = next_hit(tree, walk, near)
+        if hit != row:
+            return 0.0
+        off = 0.0
+        for k in range(3):
+            off = max(off, abs(walk.place[k] - x[k] - r * walk.ray[3 + k]))
+        if off > 1e-6 * r + near:
+            return 0.0  # another part of the same side
+    elif side == 1:
+        for k in range(3):
+            walk.place[3 + k] = -walk.place[3 + k]
+    here *= left_on_ray(
+        panes, x[0], x[1], x[2], walk.ray[3], walk.ray[4], walk.ray[5], near, r - near, walk, pane
+    )
     mirrored(walk.ray, walk.place)
     for k in range(6):
         ray[k] = walk.ray[k]
@@ -153,8 +164,31 @@ def _leave(e, share, emits, found, spread, touched, count):
 
 
 @lean
+def _cross(
+    share, reach, emits, tree, panes, sides, near, walk, pane, found, spread, touched, count
+):  # fmt: skip
+    """Leave light on the panes that the walk's ray crosses before ``reach`` [m].
+
+    Returns the share left, and the count of touched elements.
+    """
+    ray, at, first = walk.ray, near, tree.nets.shape[0]
+    for _ in range(MOST_CROSSED):
+        p, at, u, v, side, left = next_pane(
+            panes, ray[0], ray[1], ray[2], ray[3], ray[4], ray[5], at, reach, walk, pane
+        )
+        if p < 0:
+            break
+        e = element_at(sides, 2 * (first + p) + side, u, v)
+        if e >= 0:
+            count = _leave(e, share, emits, found, spread, touched, count)
+        share *= left
+    return share, count
+
+
+@lean
 def _follow(
-    ray, share, row, seen, tree, sides, near, walk, found, spread, touched, count, away
+    ray, share, row, seen, tree, panes, sides, near, walk, pane, found, spread, touched, count,
+    away,
 ):  # fmt: skip
     """Follow one ray that a mirror has turned; returns the count of touched, and what is lost.
 
@@ -167,6 +201,17 @@ def _follow(
     for turn in range(MOST_MIRRORS):
         by_image = imaged and turn == 0
         hit, u, v = next_hit(tree, walk, near)
+        if panes.nets.shape[0]:
+            reach = 1e300 * start / start  # not a literal, which would compile the callees anew
+            if hit >= 0:
+                reach = 0.0
+                for k in range(3):
+                    reach += (walk.place[k] - walk.ray[k]) * walk.ray[3 + k]
+                reach -= near
+            share, count = _cross(
+                share, reach, not by_image, tree, panes, sides, near, walk, pane, found, spread,
+                touched, count,
+            )  # fmt: skip
         if hit < 0:
             x, y, z = walk.ray[3], walk.ray[4], walk.ray[5]
             if z <= 0.0:
@@ -187,10 +232,63 @@ def _follow(
     return count, share
 
 
+@lean
+def _follow_through(
+    ray, share, row, seen, tree, sides, near, walk, found, spread, touched, count, away, branch
+):  # fmt: skip
+    """The same where nothing hides anything: light goes on through all it meets.
+
+    ``branch`` (k, 8) is room for what mirrors on the way turn aside.
+    """
+    for k in range(6):
+        branch[0, k] = ray[k]
+    branch[0, 6], branch[0, 7] = share, 1.0 if seen.imaged[row] else 0.0
+    start, lost, top = share, 0.0, 1
+    for _ in range(_MOST_MET):
+        if top == 0:
+            break
+        top -= 1
+        for k in range(6):
+            walk.ray[k] = branch[top, k]
+        share, by_image = branch[top, 6], branch[top, 7] > 0.0
+        hit, u, v = next_hit(tree, walk, near)
+        if hit < 0:
+            x, y, z = walk.ray[3], walk.ray[4], walk.ray[5]
+            if z <= 0.0:
+                away[GROUND_IMAGED if by_image else GROUND] += share
+            elif seen.tone.size:
+                tone = seen.tone
+                level = sky_luminance(tone, tone[7], tone[8], tone[9], x, y, z)
+                away[SKY_IMAGED if by_image else SKY] += share * level
+            continue
+        # On through what is met; what lies behind it comes after what it turns aside.
+        for k in range(3):
+            branch[top, k] = walk.place[k]
+        top += 1
+        e = element_at(sides, hit, u, v)
+        if e < 0:
+            continue
+        count = _leave(e, share, not by_image, found, spread, touched, count)
+        share *= sides.mirror[hit]
+        if share <= LEAST_SHARE * start:
+            continue
+        if top == branch.shape[0]:
+            lost += share
+            continue
+        mirrored(walk.ray, walk.place)
+        for k in range(6):
+            branch[top, k] = walk.ray[k]
+        branch[top, 6], branch[top, 7] = share, 0.0
+        top += 1
+    for k in range(top):
+        lost += branch[k, 6]
+    return count, lost
+
+
 @parallel
 def mirror_rows(
-    nodes, normals, weights, factors, seen, tree, sides, rays, levels, near, rows, variances,
-    lamps, away, lost,
+    nodes, normals, weights, factors, seen, tree, panes, sides, rays, levels, near, trace, rows,
+    variances, lamps, away, lost,
 ):  # fmt: skip
     """Add what mirrors show to rows of form factors.
 
@@ -202,14 +300,17 @@ def mirror_rows(
         Share of each node.
     factors : (m, k) array
         Form factors of the mirror elements.
-    seen, tree, sides
-        `Seen`, `paths.Tree` and `paths.Sides`.
+    seen, tree, panes, sides
+        `Seen`, `paths.Tree`, `panes.Panes`, whose patches follow those of the tree, and
+        `paths.Sides` of them all.
     rays : float
         Rays for a form factor of 1.
     levels : int
         How often strata that may show a lamp are quartered at most.
     near : float
         Distance within which rays do not hit what they start on. [m]
+    trace : bool
+        Whether anything hides anything.
     rows, variances : (m, n) array
         Added to: form factors of elements by way of mirrors, and their variances.
     lamps : (m, 2, l) array
@@ -228,8 +329,8 @@ def mirror_rows(
         kept = np.empty((64, 7))
         stack, level = np.empty((4 * _LEVELS, 4)), np.empty(4 * _LEVELS, dtype=np.int64)
         ends, spread = np.empty((2, 3)), np.zeros((n, 2))
-        one, before = np.zeros(4), np.zeros(4)
-        squares = np.zeros(4)
+        one, before, branch = np.zeros(4), np.zeros(4), np.empty((_BRANCHES, 8))
+        squares, pane = np.zeros(4), np.empty(6)
         for c in range(seen.element.shape[0]):
             form = factors[i, c]
             row = seen.row[c]
@@ -279,8 +380,8 @@ def mirror_rows(
                             kept = larger
                         seed = _scrambled(seed)
                         share = _to_mirror(
-                            nodes[i, q], normals[i, q], net, cell, side, seed, near, tree, walk,
-                            row, kept[count],
+                            nodes[i, q], normals[i, q], net, cell, side, seed, near, trace, tree,
+                            panes, walk, pane, row, kept[count],
                         )  # fmt: skip
                         lost[i, 1] += 1.0
                         if share > 0.0:
@@ -297,10 +398,16 @@ def mirror_rows(
             for s in range(count):
                 for k in range(4):
                     before[k] = one[k]
-                top, left = _follow(
-                    kept[s, :6], scale * kept[s, 6], row, seen, tree, sides, near, walk, found,
-                    spread, touched, top, one,
-                )  # fmt: skip
+                if trace:
+                    top, left = _follow(
+                        kept[s, :6], scale * kept[s, 6], row, seen, tree, panes, sides, near, walk,
+                        pane, found, spread, touched, top, one,
+                    )  # fmt: skip
+                else:
+                    top, left = _follow_through(
+                        kept[s, :6], scale * kept[s, 6], row, seen, tree, sides, near, walk, found,
+                        spread, touched, top, one, branch,
+                    )  # fmt: skip
                 lost[i, 0] += left
                 for k in range(4):
                     squares[k] += (one[k] - before[k]) ** 2

@@ -48,6 +48,9 @@ class Sources(NamedTuple):
         Unoccluded form factor above which a pair is traced by pyramids.
     point_from : (n,) array
         Square of the distance from which one point tells the unoccluded factor of an element. [m²]
+    dim : (n,) array
+        Share of the error allowed to unoccluded factors that each may have, at most 1: what is
+        brighter counts for more.
     """
 
     nets: np.ndarray
@@ -94,6 +97,7 @@ class Sources(NamedTuple):
     azimuths: np.ndarray
     exact_above: np.ndarray
     point_from: np.ndarray
+    dim: np.ndarray
 
 
 @lean

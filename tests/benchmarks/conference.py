@@ -118,7 +118,7 @@ def solve(job: Job) -> Solved:
         with clock.run("geometry"):
             blockers = make_blockers(scene.patches, scene.closed, scene.patches.part_index)
         solver = FieldSolver(scene, blockers, trace=True, stages=clock)
-        return solver.solve(budget, *solver.mesher.boxes(budget)), clock
+        return solver.solve(budget, solver.mesher.boxes(budget)[0]), clock
 
     budget = budget_on(scene, job.accuracy, job.divisions, job.nodes)
     run(budget_on(scene, 0.5, np.ones_like(job.divisions), job.nodes))  # loads and compiles

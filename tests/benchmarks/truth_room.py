@@ -13,7 +13,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray
@@ -27,6 +27,10 @@ class Room:
 
     ``lines`` are the coarsest cells' borders from 0 to half the size in x and y and from 0 to the
     height in z; borders of panels (m, 4; x0, x1, y0, y1) must be among them.
+
+    ``image`` is what light from the half beyond the middle in x counts. Less than 1, that half is
+    the image of the other one in a mirror that stands between them and reflects so much; sensors
+    are then on this side of it.
     """
 
     size: tuple[float, float, float]
@@ -35,14 +39,20 @@ class Room:
     ceiling: float
     panels: FloatArray
     lines: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+    image: float = field(default=1.0, kw_only=True)
 
 
-def irradiance(room: Room, points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Irradiance (n,) at sensors whose normals point along axes. [W/m²]"""
+def irradiance(
+    room: Room, points: FloatArray, normals: FloatArray, *, quick: bool = False
+) -> FloatArray:
+    """Irradiance (n,) at sensors whose normals point along axes, ``quick`` on two meshes. [W/m²]"""
     direct = _direct(room, points, normals)
-    one, two, four = (_gather(room, k, points, normals) for k in (1, 2, 4))
+    one, two = (_gather(room, k, points, normals) for k in (1, 2))
     # Errors of h² leave (4 fine - coarse) / 3, those of h⁴ then (16 fine - coarse) / 15.
-    first, second = (4.0 * two - one) / 3.0, (4.0 * four - two) / 3.0
+    first = np.asarray((4.0 * two - one) / 3.0)
+    if quick:
+        return direct + first
+    second = (4.0 * _gather(room, 4, points, normals) - two) / 3.0
     return direct + np.asarray((16.0 * second - first) / 15.0)
 
 
@@ -52,7 +62,8 @@ def _direct(room: Room, points: FloatArray, normals: FloatArray) -> FloatArray:
     open_to = ~((normals[:, 2] < 0.0) & (points[:, 2] <= z))
     for x0, x1, y0, y1 in room.panels:
         corners = np.array([[x0, y0, z], [x0, y1, z], [x1, y1, z], [x1, y0, z]])
-        total[open_to] += polygon(points[open_to], normals[open_to], corners)
+        share = room.image if x0 >= 0.5 * room.size[0] else 1.0
+        total[open_to] += share * polygon(points[open_to], normals[open_to], corners)
     return total
 
 
@@ -98,6 +109,15 @@ def _reflectance(room: Room, mesh: _Mesh, face: int) -> FloatArray:
         for x0, x1, y0, y1 in room.panels:
             out[(x > x0) & (x < x1) & (y > y0) & (y < y1)] = 0.0
     return out
+
+
+def _shares(room: Room, mesh: _Mesh, face: int) -> FloatArray:
+    """What the cells of a face count: less where they are images in a mirror."""
+    axis, end, i, j = FACES[face]
+    x = mesh.centers(0) if i == 0 else np.full(len(mesh.centers(i)), room.size[0] * end)
+    beyond = (axis == 0 or i == 0) & (x > 0.5 * room.size[0])
+    share = np.where(beyond, room.image, 1.0)
+    return np.tile(share[:, None], (1, len(mesh.centers(j))))
 
 
 def _factors(room: Room, mesh: _Mesh, face: int, points: FloatArray, normals: FloatArray):
@@ -156,8 +176,9 @@ def _solved(room: Room, mesh: _Mesh) -> list[FloatArray]:
             row = slice(r0 + start, r0 + min(start + 200, len(at)))
             f = [_factors(room, mesh, k, at[rows], normals[rows]) * rho[k][None] for k in range(6)]
             # The far walls are images of the near ones.
-            folded = [_fold(f[0], 0, 1), _fold(f[1], 0, 1), _fold(f[2] + f[3], 1, 2)]
-            folded.append(_fold(f[4] + f[5], 0, 2))
+            m = room.image
+            folded = [_fold(f[0], 0, 1, m), _fold(f[1], 0, 1, m)]
+            folded += [_fold(f[2] + m * f[3], 1, 2, m), _fold(f[4] + f[5], 0, 2, m)]
             matrix[row] = np.concatenate([g.reshape(len(g), -1) for g in folded], axis=1)
     solved = np.linalg.solve(np.eye(len(matrix)) - matrix, direct)
     out = []
@@ -171,10 +192,10 @@ def _solved(room: Room, mesh: _Mesh) -> list[FloatArray]:
     return [floor, ceiling, x_wall, x_wall, y_wall, y_wall]
 
 
-def _fold(f: FloatArray, i: int, j: int) -> FloatArray:
+def _fold(f: FloatArray, i: int, j: int, image: float) -> FloatArray:
     if i < 2:
         half = f.shape[1] // 2
-        f = f[:, :half] + f[:, : half - 1 : -1]
+        f = f[:, :half] + (image if i == 0 else 1.0) * f[:, : half - 1 : -1]
     if j < 2:
         half = f.shape[2] // 2
         f = f[:, :, :half] + f[:, :, : half - 1 : -1]
@@ -191,7 +212,7 @@ def _gather(room: Room, pieces: int, points: FloatArray, normals: FloatArray) ->
             (mesh.centers(i), mesh.centers(j)), values, "cubic", bounds_error=False, fill_value=None
         )
         grid = np.stack(np.meshgrid(fine.centers(i), fine.centers(j), indexing="ij"), axis=-1)
-        exitance = at(grid) * _reflectance(room, fine, face)
+        exitance = at(grid) * _reflectance(room, fine, face) * _shares(room, fine, face)
         for normal in np.unique(normals, axis=0):
             rows = (normals == normal).all(axis=1)
             f = _factors(room, fine, face, points[rows], normals[rows])

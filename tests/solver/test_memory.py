@@ -120,6 +120,24 @@ def test_need_counts_elements_sensors_and_what_is_kept():
     assert needed_bytes(1000, 2000) == 22 * MB + 4 * MB
 
 
+def test_mirrors_and_panes_take_more():
+    """Eight bytes a pair each; and what they make is not packed."""
+    both = memory.more_bytes(mirrors=True, panes=True)
+    assert memory.more_bytes(mirrors=False, panes=False) == 0
+    assert needed_bytes(1000, more=both) == (11 + 16) * MB
+    assert needed_bytes(1000, 2000, both) == 2 * (11 + 16) * MB + 4 * MB
+    many = memory.DENSE_UNKNOWNS + 1
+    assert needed_bytes(many, more=8) == 19 * many**2 > needed_bytes(many)
+
+
+def test_a_mesh_with_mirrors_that_does_not_fit_is_refused(free, disk):
+    free(15 * MB)
+    disk(10**12)
+    check_memory(1000)
+    with pytest.raises(OutOfMemoryError, match=r"1000 elements need 0\.0 GB .* but only"):
+        check_memory(1000, more=8)
+
+
 @pytest.fixture
 def disk(monkeypatch):
     """Let so many bytes be free for temporary files."""

@@ -291,3 +291,28 @@ def test_scale_and_offset_change_nothing(furnished, scale):
     difference = np.abs(found.factors - expected.factors)
     assert (difference > 1e-9).mean() < 1e-2
     assert difference.max() < 2e-3
+
+
+@pytest.mark.parametrize("divisions", [(4, 5), (5, 4), (8, 8), (8, 3), (2, 6)])
+def test_a_disc_hides_nothing_of_itself(divisions):
+    """Whatever facets its elements have, and with one's corner straight over the receiver."""
+    disc = setup(PatchSet.disk((0, 0, 0), 1.0, (0, 0, -1)))
+    cuts = np.array([(2, 2)] + [divisions] * 4)
+    elements = make_elements(disc.patches, np.zeros(5, bool), cuts)
+    nets, n = disc.patches.control_points, len(elements)
+    facets, _ = make_facets(elements, nets, disc.closed, disc.solid)
+    rim = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    scattered = np.random.default_rng(0).uniform(-1.5, 1.5, (40, 2))
+    feet = np.concatenate([np.stack([-np.cos(rim), np.sin(rim)], axis=1), scattered])
+    points = np.column_stack([feet, np.full(len(feet), -3.0)])[:, None]
+    normals, weights = np.zeros_like(points), np.ones((len(points), 1))
+    normals[..., 2] = 1.0
+    sources = make_sources(elements, nets, np.full(n, 1e-3), Scan(facets, 48, np.full(n, 9.0)))
+    nowhere = np.full(len(points), -1)
+    found, plain = (
+        form_factor_matrix(
+            points, normals, weights, nowhere, sources, disc.blockers, eps=1e-5, trace=trace
+        ).factors
+        for trace in (True, False)
+    )
+    np.testing.assert_allclose(found, plain, rtol=1e-12)

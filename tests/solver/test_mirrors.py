@@ -5,14 +5,22 @@ import math
 import numpy as np
 import pytest
 from patchlight.solver import point_form_factors
+from patchlight.solver.budget import Budget
+from patchlight.solver.field import FieldSolver
+from patchlight.solver.iterated import ANYWHERE, weights_at
+from patchlight.solver.mesh import Boxes
 from patchlight.solver.model import CIESky, Ground, Material, PatchSet, Sun
 from patchlight.solver.simulation import solve
+from patchlight.solver.stages import Stages
 
 from .fixtures_light import Body, ceiling, closed_cylinder, grid, rectangle, scene, setup
-from .fixtures_shine import BLACK, doubled_rooms, with_materials
+from .fixtures_shine import BLACK, doubled_rooms, room_parts, with_materials
 from .test_webs import cosine, toward, uneven, with_web
 
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+
+
+SQUARE = ((-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0))
 
 
 def lamp_over_mirror(mirror, points, *bodies, accuracy=0.01, share=0.8):
@@ -212,3 +220,45 @@ def test_a_web_in_a_mirror_keeps_its_directions(web):
     exact = 0.8 * intensity * -way[:, 2] / distance**3
     # The lamp is a five-hundredth of the distance wide, and webs bend at their angles.
     assert found.sensors["g"].components["lamp.direct"] == pytest.approx(exact, rel=2e-3)
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_without_visibility_nothing_hides_in_mirrors(curved):
+    """A screen between lamp and mirror, and one between mirror and sensor, change nothing."""
+    mirror = PatchSet.sphere((0, 0, -3), 3.0) if curved else rectangle(*SQUARE)
+    screens = (ceiling(-0.6, 0.6, -0.6, 0.6, 1.2), ceiling(-0.4, 0.4, -0.4, 0.4, 0.3))
+    points = np.array([(0.3, 0.2, 0.6), (-0.2, -0.3, 0.9)])
+    how = {"lamps": [(1, "lamp", 1000.0)], "sensors": [grid("g", points, DOWN)]}
+    how |= {"sky": CIESky(5, zenith_luminance_cd_m2=100.0), "ground": Ground(0.0)}
+    light = []
+    for more in ((), screens):
+        parts = setup(mirror, ceiling(-0.3, 0.2, -0.3, 0.3, 2.0), *more)
+        made = [Material(0.0, mirror=0.8), BLACK, *(BLACK for _ in more)]
+        made = with_materials(parts, made, **how)
+        light.append(solve(made, accuracy=0.03, visibility="none").sensors["g"])
+    plain, hidden = light
+    assert plain.components["lamp.direct"].min() > 1.0
+    for name in ("lamp.direct", "sky.direct"):
+        # Rays are the same, but for what the larger scene does to their rounding.
+        np.testing.assert_allclose(hidden.components[name], plain.components[name], rtol=1e-6)
+
+
+def test_what_sensors_see_in_mirrors_matters():
+    """A sensor looks at a mirror wall; the wall behind it counts by what is seen of it there."""
+    one, wall = room_parts(0.0, 4.0, [(1.0, 1.5)])
+    made = [Material(0.5)] * 6 + [BLACK]
+    made[wall] = Material(0.0, mirror=0.9)
+    sensors = [grid("g", [(0.5, 0.0, 0.0)], (-1, 0, 0))]
+    data = with_materials(one, made, lamps=[(6, "lamp", 1000.0)], sensors=sensors)
+    stages = Stages()
+    solver = FieldSolver(data, one.blockers, trace=True, stages=stages)
+    budget = Budget.of(data, 0.3)
+    field = solver.solve(budget, Boxes.regular(budget.divisions, data.two_sided))
+    seen = solver.seen(sensors[0], budget, field)
+    weights = weights_at(seen.factors, field.surfaces.areas)
+    straight = weights_at(seen.factors[:1], field.surfaces.areas)
+    opposite = field.surfaces.elements.nodes[..., 0].mean(axis=1) > 3.9
+    assert opposite.any()
+    # Behind the back of the sensor nothing is seen straight: what is left there is for anything.
+    assert straight[opposite] == pytest.approx(ANYWHERE)
+    assert weights[opposite].min() > 1.5 * ANYWHERE

@@ -121,8 +121,8 @@ def test_the_stated_error_holds_in_a_room_with_a_lamp():
 def test_elements_are_quartered_below_a_lamp():
     lamp = ceiling(-0.1, 0.1, -0.1, 0.1, -1.1)
     given = scene(setup(Body(BOX), lamp), lamps=[(1, "lamp", 4000.0)])
-    result = solve(given, accuracy=0.2, method="nn93")
-    assert result.counters["elements_added"] > 0
+    result = solve(given, accuracy=0.2, method="nn93", balanced_mesh=True)
+    assert result.counters["elements_added"] > 0 and result.settings["balanced_mesh"]
     elements = result.elements
     floor = np.abs(elements.nodes[..., 2] + 1.25).max(axis=1) < 1e-9
     near = np.hypot(*elements.nodes[floor].mean(axis=1)[:, :2].T) < 0.5

@@ -66,6 +66,22 @@ def test_highlights_at_sensors_are_those_of_a_double_sum(exponent):
     assert (np.abs(found.illuminance_lx - exact) <= found.error_lx).all()
 
 
+def test_highlights_take_away_what_sensors_were_given():
+    """On a coarse mesh under a near lamp, light between the nodes is that of the last gather."""
+    lamp = ceiling(-0.3, 0.3, -0.2, 0.2, 0.8)
+    points = np.array([(-1.0, 0.5, 0.7), (0.0, 0.9, 0.5)])
+    made = with_materials(
+        setup(FLOOR, lamp),
+        [Material(0.0, specular=0.6, exponent=5.0), BLACK],
+        lamps=[(1, "lamp", 1000.0)],
+        sensors=[grid("g", points, DOWN)],
+    )
+    found = solve(made, accuracy=0.2).sensors["g"].components["lamp.indirect"]
+    exact = [brute_highlight(p, lamp, 1000.0, 0.6, 5.0, 10) for p in points]
+    # The light at the nodes of the mesh itself, taken away, left 0.7 %; cells are good to 0.2 %.
+    assert found == pytest.approx(exact, rel=3e-3)
+
+
 def highlight_from_above(exponent, *, specular=0.4, half_angle=0.3, bands=1):
     """Picture of a glossy floor under a coaxial disc, seen straight down from below the disc."""
     lamp = PatchSet.disk((0, 0, 2), 2 * math.tan(half_angle), DOWN)

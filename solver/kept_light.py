@@ -1,0 +1,48 @@
+"""Direct light at points of a scene, as runs before this one have found it."""
+
+from __future__ import annotations
+
+from .direct_light import DirectLight, lamp_boxes, lamp_exitances
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray, IntArray
+from .model.scene import SceneData
+from .reuse import Kept
+
+
+class KeptLight:
+    """As `DirectLight`, which is made only where something is asked for the first time.
+
+    Parameters
+    ----------
+    scene : SceneData
+        Geometry and lamps.
+    blockers : Blockers
+        Its patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    kept : Kept
+        What runs before this one have found.
+
+    Attributes
+    ----------
+    exitances : (k,) array
+        Of the pieces of lamps that the light comes from. [lm/m²]
+    """
+
+    def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool, kept: Kept) -> None:
+        self.scene, self.blockers, self.trace, self.kept = scene, blockers, trace, kept
+        self.exitances = lamp_exitances(scene, lamp_boxes(scene))
+        self._lamps = scene.luminaire_index, self.exitances
+        self._light: DirectLight | None = None
+
+    def at(
+        self, points: FloatArray, normals: FloatArray, patches: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Illuminance [lx] and nearness [1/m] of lamps at points (m, 3) on ``patches`` (m,)."""
+
+        def find() -> tuple[FloatArray, FloatArray]:
+            if self._light is None:
+                self._light = DirectLight(self.scene, self.blockers, trace=self.trace)
+            return self._light.at(points, normals, patches)
+
+        return self.kept.find("direct light", (self._lamps, points, normals, patches), find)

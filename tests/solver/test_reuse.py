@@ -1,0 +1,275 @@
+"""What later runs take of earlier ones: the same numbers, without form factors."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from patchlight.solver import reuse
+from patchlight.solver.model import CIESky, Ground, Material, PatchSet
+from patchlight.solver.simulation import solve
+
+from .fixtures_light import Body, ceiling, grid, scene, setup
+
+ROOM = Body(PatchSet.box((4, 5, 2.7), center=(0, 0, 1.35), inward=True))
+LAMPS = [ceiling(x - 0.4, x + 0.4, -0.3, 0.3, 2.5) for x in (-0.8, 0.8)]
+SEAT = PatchSet.box((0.5, 0.5, 0.4), center=(0.9, 1.2, 0.3))
+PLANE = grid("plane", [(x, y, 0.8) for x in (-1.2, 0.1, 1.3) for y in (-1.7, 0.2, 1.8)])
+ACCURACY = 0.3
+
+
+def room(*, rho=(0.5, 0.8, 0.2), flux=(2000.0, 2000.0), at=(0.0, 0.0, 0.0), **more):
+    """Two lamps over a seat: materials of the room, of the lamps, of the seat."""
+    seat = Body(SEAT.moved(_shift(at)))
+    parts = setup(ROOM, *LAMPS, seat)
+    made = scene(
+        parts,
+        lamps=[(1, "left", flux[0]), (2, "right", flux[1])],
+        sensors=[PLANE],
+        **more,
+    )
+    part = made.patches.part_index
+    index = np.where(part == 0, 0, np.where(part == 3, 2, 1))
+    return dataclasses.replace(
+        made,
+        materials=tuple(Material(r) for r in rho),
+        material_index=np.stack([index, index], axis=1),
+    )
+
+
+def _shift(at):
+    matrix = np.eye(4)
+    matrix[:3, 3] = at
+    return matrix
+
+
+@pytest.fixture(autouse=True)
+def nothing_kept():
+    reuse.forget()
+    yield
+    reuse.forget()
+
+
+def run(made, **options):
+    return solve(made, accuracy=ACCURACY, cache=True, **options)
+
+
+def fresh(made):
+    return solve(made, accuracy=ACCURACY)
+
+
+def same_bits(one, other):
+    assert np.array_equal(one.exitance, other.exitance)
+    for name, sensors in one.sensors.items():
+        assert np.array_equal(sensors.illuminance_lx, other.sensors[name].illuminance_lx)
+        for group, values in sensors.components.items():
+            assert np.array_equal(values, other.sensors[name].components[group])
+
+
+def same_mesh(one, other):
+    return np.array_equal(one.elements.boxes, other.elements.boxes)
+
+
+def within_error(one, other):
+    for name, sensors in one.sensors.items():
+        told = sensors.error_lx + other.sensors[name].error_lx
+        assert (np.abs(sensors.illuminance_lx - other.sensors[name].illuminance_lx) <= told).all()
+
+
+def pairs_found(result):
+    return sum(result.counters.get(name, 0) for name in ("pairs_scanned", "pairs_traced"))
+
+
+def test_the_same_scene_again_gives_the_same_bits_without_form_factors():
+    first, again = run(room()), run(room())
+    same_bits(first, again)
+    assert pairs_found(first) > 0 and pairs_found(again) == 0
+    assert again.counters["rows_reused"] >= len(PLANE) + first.counters["unknowns"]
+    assert "earlier run" in again.skipped["form factors"]
+    assert again.settings["mesh_of_earlier_run"] and not first.settings["mesh_of_earlier_run"]
+
+
+def test_nothing_is_taken_without_the_cache():
+    first = run(room())
+    again = fresh(room())
+    same_bits(first, again)
+    assert pairs_found(again) == pairs_found(first) and "rows_reused" not in again.counters
+
+
+def test_nothing_is_left_once_forgotten():
+    run(room())
+    assert reuse.STORE.bytes > 0 and len(reuse.STORE) > 0
+    reuse.forget()
+    assert reuse.STORE.bytes == len(reuse.STORE) == 0
+    assert pairs_found(run(room())) > 0
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [room(rho=(0.4, 0.8, 0.2)), room(flux=(2000.0, 1500.0)), room(rho=((0.6, 0.5, 0.4), 0.8, 0.2))],
+    ids=["painted", "dimmed", "coloured"],
+)
+def test_other_paint_and_lamps_need_no_form_factors(changed):
+    run(room())
+    again, own = run(changed), fresh(changed)
+    assert pairs_found(again) == 0 and pairs_found(own) > 0
+    within_error(again, own)
+    # Where both would have been cut alike, nothing differs at all.
+    if same_mesh(again, own):
+        same_bits(again, own)
+
+
+def test_a_mesh_without_lamps_stays_and_so_do_the_bits():
+    """The mesh follows no light here: walls painted anew give what a fresh run gives."""
+    open_room = dict(sky=CIESky(16), ground=Ground(0.2))
+
+    def made(rho):
+        body = Body(ROOM.patches.take(np.arange(5)))
+        seat = Body(SEAT)
+        return scene(setup(body, seat), rho=rho, sensors=[PLANE], **open_room)
+
+    run(made(0.5))
+    again, own = run(made(0.7)), fresh(made(0.7))
+    assert same_mesh(again, own) and again.counters["rows_reused"] > 0
+    assert pairs_found(again) == 0
+    same_bits(again, own)
+
+
+def under(sky, *, curved=False):
+    """A room without one of its walls, and in it a seat or a ball."""
+    body = Body(ROOM.patches.take(np.arange(5)))
+    seat = Body(PatchSet.sphere((0.9, 1.2, 0.5), 0.3) if curved else SEAT)
+    return scene(setup(body, seat), sensors=[PLANE], sky=sky, ground=Ground(0.2))
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_another_sky_is_seen_through_the_same_form_factors(curved):
+    overcast, clear = CIESky(1), CIESky(12, sun_altitude_deg=40.0, sun_azimuth_deg=120.0)
+    first = run(under(overcast, curved=curved))
+    again, own = run(under(clear, curved=curved)), fresh(under(clear, curved=curved))
+    assert same_mesh(again, own)
+    within_error(again, own)
+    plane = first.sensors["plane"].illuminance_lx
+    assert not np.allclose(again.sensors["plane"].illuminance_lx, plane, rtol=0.01)
+    # Past flat surfaces alone the sky is told exactly; else the rows that see it are found again.
+    assert (pairs_found(again) > 0) == curved
+    assert pairs_found(again) <= pairs_found(own)
+    assert again.counters["rows_reused"] > 0
+
+
+def test_a_brighter_sky_of_the_same_kind_needs_nothing():
+    def sky(level):
+        return CIESky(1, diffuse_illuminance_lx=level)
+
+    first = run(under(sky(10_000.0), curved=True))
+    again = run(under(sky(20_000.0), curved=True))
+    assert pairs_found(again) == 0
+    plane, brighter = (r.sensors["plane"].illuminance_lx for r in (first, again))
+    # Everything is linear in the sky, up to rounding and the tolerance of the solver.
+    assert brighter == pytest.approx(2.0 * plane, rel=1e-6)
+
+
+def test_a_moved_part_is_seen():
+    first = run(room())
+    moved = room(at=(-0.7, -0.3, 0.0))
+    again = run(moved)
+    within_error(again, fresh(moved))
+    plane = first.sensors["plane"].illuminance_lx
+    assert not np.allclose(again.sensors["plane"].illuminance_lx, plane, rtol=1e-6)
+
+
+def test_another_accuracy_takes_nothing():
+    run(room())
+    assert pairs_found(solve(room(), accuracy=0.2, cache=True)) > 0
+
+
+def test_warnings_are_given_again():
+    inside = grid("inside", [(0.9, 1.2, 0.3)])
+    made = dataclasses.replace(room(), sensors=(inside,))
+    first, again = run(made), run(made)
+    assert any("inside" in line for line in first.warnings)
+    assert again.warnings == first.warnings
+
+
+def test_the_store_stays_within_its_memory(monkeypatch):
+    monkeypatch.setattr(reuse, "available_bytes", lambda: 0)
+    store = reuse.Store()
+    store.put(b"a", np.zeros(1000))
+    assert store.bytes == 0 and store.get(b"a") is None
+    monkeypatch.setattr(reuse, "available_bytes", lambda: int(20_000 / reuse.SHARE) - store.bytes)
+    for key in (b"a", b"b", b"c"):
+        store.put(key, np.zeros(1000))  # 8 kB each: two of them fit
+        store.get(b"a")
+    assert store.bytes == 16_000
+    assert store.get(b"b") is None and store.get(b"a") is not None
+
+
+def test_hashes_tell_values_apart():
+    values = [
+        (1, 2), ((1, 2),), (1, (2,)), ("1", 2), (1.0, 2), (None,), (True,),
+        (np.zeros(2),), (np.zeros((2, 1)),), (np.zeros(2, dtype=np.float32),), (np.zeros(0),),
+        (Material(0.5),), (Material(0.6),),
+    ]  # fmt: skip
+    hashes = [reuse.digest(*v) for v in values]
+    assert len(set(hashes)) == len(hashes)
+    assert reuse.digest(np.zeros((2, 2))[:, 0]) == reuse.digest(np.zeros(2))
+    with pytest.raises(TypeError, match="object"):
+        reuse.digest(object())
+
+
+def two_rooms(at=0.0):
+    """A wall of some thickness between two rooms, and a seat in the second one, moved by ``at``."""
+    rooms = [PatchSet.box((3, 3, 2.5), center=(x, 0, 1.25), inward=True) for x in (-1.6, 1.6)]
+    lamps = [ceiling(x - 0.3, x + 0.3, -0.3, 0.3, 2.4) for x in (-1.6, 1.6)]
+    seat = SEAT.moved((0.9 + at, -1.2, 0.0))
+    parts = setup(*(Body(r) for r in rooms), *lamps, Body(seat))
+    points = [(x + d, y, 0.8) for x in (-1.6, 1.6) for d in (-0.7, 0.1) for y in (-0.8, 0.9)]
+    lit = [(2, "lamp", 3000.0), (3, "lamp", 3000.0)]
+    return scene(parts, lamps=lit, sensors=[grid("plane", points)])
+
+
+def test_rows_that_a_moved_part_does_not_touch_stay():
+    """A wall hides the seat from one half of the scene: most of its rows are taken as they were."""
+    first, again, own = run(two_rooms()), run(two_rooms(-0.8)), fresh(two_rooms(-0.8))
+    assert again.settings["mesh_of_earlier_run"]
+    rows = first.counters["unknowns"] + first.counters["unknowns_checked"] + 8
+    assert 0.3 * rows < again.counters["rows_reused"] < 0.7 * rows
+    assert 0 < pairs_found(again) < 0.7 * pairs_found(own)
+    within_error(again, own)
+    # The seat stands in the second room alone, so nothing changes in the first one: to the bit what
+    # sensors see of lamps, and but for rows found anew along other meridians what is reflected.
+    direct = [r.sensors["plane"].components["lamp.direct"][:4] for r in (first, again)]
+    assert np.array_equal(*direct)
+    before, after = (r.sensors["plane"].illuminance_lx for r in (first, again))
+    assert before[:4] == pytest.approx(after[:4], rel=1e-2 * ACCURACY)
+    assert not np.allclose(before[4:], after[4:], rtol=1e-6)
+
+
+def test_a_seat_in_between_is_met_and_one_behind_is_not():
+    """A receiver that looks up, what it sees above, and balls beside, between and behind."""
+    from patchlight.solver.kernels.shafts import find_touched
+
+    def touched(ball, *, see=1.0, out=False, flat=False):
+        found = np.zeros(1, dtype=bool)
+        find_touched(
+            np.zeros((1, 1, 3)),
+            np.array([[[0.0, 0.0, 1.0]]]),
+            np.array([[see]], dtype=np.float32),
+            np.array([[0.0, 0.0, 4.0, 0.5]]),
+            np.array([[0.0, 0.0, -1.0, -4.0] if flat else [0.0, 0.0, 0.0, -np.inf]]),
+            np.array([ball]),
+            np.array([out]),
+            found,
+        )
+        return bool(found[0])
+
+    assert touched([0.0, 0.0, 2.0, 0.1])
+    # The shaft is 0.5 / 4 of its height wide: at 2 it reaches to 0.25, and never below 0.
+    assert touched([0.3, 0.0, 2.0, 0.1]) and not touched([0.5, 0.0, 2.0, 0.1])
+    assert not touched([0.0, 0.0, -0.2, 0.1]) and touched([0.0, 0.0, -0.05, 0.1])
+    assert not touched([0.0, 0.0, 2.0, 0.1], see=0.0)
+    assert touched([3.0, 0.0, 1.0, 0.1], out=True) and not touched([3.0, 0.0, 1.0, 0.1])
+    assert not touched([0.0, 0.0, -1.0, 0.5], out=True)
+    assert not touched([0.0, 0.0, 6.0, 0.5])
+    # Just above the element: near enough to its sphere, but behind its plane.
+    assert touched([0.0, 0.0, 4.3, 0.2]) and not touched([0.0, 0.0, 4.3, 0.2], flat=True)
+    assert touched([0.0, 0.0, 3.8, 0.2], flat=True)
