@@ -26,6 +26,7 @@ from .fineness import Fineness
 from .incident import Gathered, Light
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
+from .memory import check_bytes
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.result import luminous
@@ -183,6 +184,9 @@ class CornerSolver:
     ) -> Seen:
         """What ``eyes`` see of a mesh, and direct light on them, lamps first."""
         m, groups = len(eyes.points), self.base.lamp_groups
+        # Of elements, and of vertices once more as the rows of the system are weighed.
+        need = 8 * m * (len(surfaces.areas) + 2 * len(vertices))
+        check_bytes(need, f"the method of 1993 with {m} points and {len(vertices)} corners")
         elements = np.empty((m, len(surfaces.areas)))
         corners = np.empty((m, len(vertices)))
         lamps = {group: np.zeros((m, self.base.bands)) for group in groups}

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.solver.errors import InputError
+from patchlight.solver.errors import InputError, OutOfMemoryError
 from patchlight.solver.mesh import make_elements
 from patchlight.solver.model import CIESky, Material, PatchSet
 from patchlight.solver.model.bezier import gauss_rule
@@ -83,6 +83,7 @@ def test_a_furnace_is_even(body, tolerance):
     parts = setup(Body(body))
     given = scene(parts, rho=0.5, lamps=[(0, "walls", 100.0)], sensors=[PLANE])
     result = solve(given, accuracy=0.1, method="nn93")
+    assert any("errors are the difference" in line for line in result.warnings)
     assert result.settings["method"] == "nn93" and result.settings["basis"] == "corners"
     np.testing.assert_allclose(result.illuminance_lx, 200.0, rtol=tolerance)
     np.testing.assert_allclose(result.sensors["plane"].illuminance_lx, 200.0, rtol=tolerance)
@@ -120,8 +121,8 @@ def test_the_stated_error_holds_in_a_room_with_a_lamp():
 def test_elements_are_quartered_below_a_lamp():
     lamp = ceiling(-0.1, 0.1, -0.1, 0.1, -1.1)
     given = scene(setup(Body(BOX), lamp), lamps=[(1, "lamp", 4000.0)])
-    result = solve(given, accuracy=0.2, method="nn93")
-    assert result.counters["elements_added"] > 0
+    result = solve(given, accuracy=0.2, method="nn93", balanced_mesh=True)
+    assert result.counters["elements_added"] > 0 and result.settings["balanced_mesh"]
     elements = result.elements
     floor = np.abs(elements.nodes[..., 2] + 1.25).max(axis=1) < 1e-9
     near = np.hypot(*elements.nodes[floor].mean(axis=1)[:, :2].T) < 0.5
@@ -144,3 +145,10 @@ def test_what_the_method_lacks_is_refused(material):
         solve(dataclasses.replace(given, materials=(material,)), method="nn93")
     with pytest.raises(InputError, match="method = 'nn39': default or nn93"):
         solve(given, method="nn39")
+
+
+def test_matrices_that_do_not_fit_are_not_made(monkeypatch):
+    monkeypatch.setattr("patchlight.solver.memory.available_bytes", lambda: 100_000)
+    given = scene(setup(Body(BOX)), lamps=[(0, "walls", 100.0)])
+    with pytest.raises(OutOfMemoryError, match=r"1993 with \d+ points and \d+ corners"):
+        solve(given, accuracy=0.05, method="nn93")
