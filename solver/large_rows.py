@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .exchange import Rows, products
 from .memory import BLOCK_BYTES, GB, PACKED_BYTES, PAIR_BYTES, packed_room
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, MatrixArray
 from .packed import GroupedVariances, PackedMatrix
 from .row_finder import Ask, RowFinder
 from .shared_rows import shared_rows
@@ -121,6 +121,7 @@ def find_packed(
             early.append(k)
         row_sums[some] = own.close(rows, 1.0, part, outside=out)[row]
         spread = unknowns.factors(rows, part.receivers, part.sources, budget.moments)
+        _lift_negative(spread, unknowns)
         if len(found) < len(row):
             spread, rows = spread[row], rows.take(row)
         if k < matrix.blocks:
@@ -156,3 +157,30 @@ def _variances(surfaces: Surfaces) -> GroupedVariances:
     _, group = np.unique(keys, axis=0, return_inverse=True)
     group = group.ravel().astype(np.int64) % GROUPS
     return GroupedVariances(group, int(group.max(initial=0)) + 1, np.flatnonzero(surfaces.web))
+
+
+def _lift_negative(factors: MatrixArray, unknowns: Unknowns) -> None:
+    """Make the factors (k, N) of nodes at least 0, in place; those of whole elements stay.
+
+    Close to an element its light is extrapolated from the nodes, and those on its far side count
+    against it. Packed factors have no sign: there the nearer nodes stand for all.
+    """
+    if unknowns.basis is None:
+        return
+    row, column = np.nonzero(factors < 0.0)
+    if not len(row):
+        return
+    pairs = np.unique(np.stack([row, unknowns.element[column]]), axis=1)
+    row, element = pairs[0][:, None], pairs[1]
+    start = unknowns.basis.start
+    count = int((start[element + 1] - start[element]).max())
+    at = start[element][:, None] + np.arange(count)
+    own = at < start[element + 1][:, None]
+    at = np.where(own, at, 0)
+    values = np.where(own, factors[row, at], 0.0).astype(np.float64)
+    positive = np.maximum(values, 0.0)
+    total, kept = values.sum(axis=1), positive.sum(axis=1)
+    scale = np.maximum(total, 0.0) / np.where(kept > 0.0, kept, 1.0)
+    where = np.nonzero(own)
+    rows = np.broadcast_to(row, at.shape)[where]
+    factors[rows, at[where]] = (positive * scale[:, None])[where]

@@ -1,11 +1,12 @@
 """Direct light of the lamps averaged over elements, from many points of each.
 
 The nodes of an element are few: of the shadows of furniture that repeats at even distances they may
-meet too many, or too few, on all elements alike. Here light is found at the middles of 6 x 6 equal
-parts of an element, or 2 x 2 of a small one, each with one ray to another place on every patch of
-the lamps: so the pairs of places are spread over element and lamp together, half shadows come out
-right on average, and what is left differs from element to element. What is wrong with the mean of
-an element is wrong with all that it sends on; how light varies over it is left to the nodes.
+meet too many, or too few, on all elements alike. Here light is found in each of 6 x 6 equal parts
+of an element, or 2 x 2 of a small one, at places that differ from element to element, each with one
+ray to another place on every patch of the lamps: so the pairs of places are spread over element and
+lamp together, half shadows come out right on average, and what is left differs from element to
+element. What is wrong with the mean of an element is wrong with all that it sends on; how light
+varies over it is left to the nodes.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ MOST_LAMPS = 2000
 FAINT = 5e-3
 #: Light of the nodes against what is found from many points, below which it is taken for even.
 LEAST = 0.3
-#: Steps of the sequence that pairs points with places on the lamps.
-STEPS = 0.7548776662466927, 0.5698402909980532
+#: Steps of the sequence that places points in their parts, and on the lamps: powers of 1/φ,
+#: φ⁵ = φ + 1.
+STEPS = 0.8566748838545029, 0.7338918566271260, 0.6287067210378087, 0.5385972572236101
 
 
 def by_rays(scene: SceneData) -> bool:
@@ -64,7 +66,8 @@ class MeanLight:
         patch, side = np.nonzero(scene.luminaire_index >= 0)
         whole = np.tile((0.0, 1.0, 0.0, 1.0), (len(patch), 1))
         lamps = elements_on(scene.patches, Boxes(patch, side, whole))
-        self._places = surface_points(lamps.nets, *_middles(PLACES))[0]
+        self._places, su, sv = surface_points(lamps.nets, *_middles(PLACES))
+        self._vectors = np.cross(su, sv)  # of as much area as a whole patch has
         self.lamp = scene.luminaire_index[patch, side]
         self._exitance = np.array([one.exitance_lm_m2 for one in scene.luminaires])[self.lamp]
         nets = scene.patches.control_points
@@ -117,12 +120,14 @@ class MeanLight:
 
     def on(self, elements: Elements, rows: IntArray, look: int = LOOK) -> FloatArray:
         """Mean illuminance (k, lamps) of some elements by each luminaire. [lx]"""
-        u, v = _middles(look)
-        count, points_each = len(self.scene.luminaires), len(u)
+        count, points_each = len(self.scene.luminaires), look**2
         out = np.zeros((len(rows), count))
-        step = max(1, PAIRS // (len(self.lamp) * points_each))
-        for start in range(0, len(rows), step):
-            some = rows[start : start + step]
+        chunk = max(1, PAIRS // (len(self.lamp) * points_each))
+        for start in range(0, len(rows), chunk):
+            some = rows[start : start + chunk]
+            # Even distances would meet too much or too little of what repeats as they do.
+            off = [t - 0.5 for t in _spread(points_each, some)]
+            u, v = (t + shift / look for t, shift in zip(_middles(look), off[:2], strict=True))
             points, su, sv = surface_points(elements.nets[some], u, v)
             normals = np.cross(su, sv)
             size = np.linalg.norm(normals, axis=2)
@@ -131,8 +136,8 @@ class MeanLight:
             flat = points.reshape(-1, 3), normals.reshape(-1, 3)
             light = self._at(*flat, patches, some).reshape(len(some), points_each, -1)
             mean = np.einsum("kp,kpl->lk", size / size.sum(axis=1)[:, None], light)
-            np.add.at(out[start : start + step].T, self.lamp, mean)
-        return out
+            np.add.at(out[start : start + chunk].T, self.lamp, mean)
+        return np.maximum(out, 0.0)
 
     def _at(
         self, points: FloatArray, normals: FloatArray, patches: IntArray, elements: IntArray
@@ -150,16 +155,22 @@ class MeanLight:
         ).factors
         light = factors * self._exitance
         row, lamp = np.nonzero(light > FAINT * light.sum(axis=1, keepdims=True))
-        turn = np.arange(len(points) // len(elements)) + np.sqrt(2.0) * elements[:, None]
-        u, v = (np.floor(PLACES * np.mod(turn * step, 1.0)).ravel() for step in STEPS)
+        spread = _spread(len(points) // len(elements), elements)
+        u, v = (np.floor(PLACES * t).ravel() for t in spread[2:])
         place = (u * PLACES + v).astype(np.int64)
-        start = points[row] + self._lift * normals[row]
-        way = self._places[lamp, place[row]] - start
+        place, facing = place[row], normals[row]
+        start = points[row] + self._lift * facing
+        way = self._places[lamp, place] - start
+        hidden = self._caster.any_hit(start, way, t_max=REACHED)
+        # A place stands for what light comes from there: more from near ones.
+        cosines = np.einsum("kx,kx->k", facing, way)
+        cosines *= np.einsum("kx,kx->k", self._vectors[lamp, place], -way)
+        share = np.maximum(cosines, 0.0) / (np.pi * np.einsum("kx,kx->k", way, way) ** 2)
         asked = light[row, lamp]
-        seen = asked * ~self._caster.any_hit(start, way, t_max=REACHED)
+        seen = asked - np.where(hidden, share * self._exitance[lamp], 0.0)
         asked, found = (np.bincount(row, w, minlength=len(points)) for w in (asked, seen))
         # What was not asked is hidden as much as what was.
-        light *= (found / np.where(asked > 0.0, asked, 1.0))[:, None]
+        light *= np.maximum(found / np.where(asked > 0.0, asked, 1.0), 0.0)[:, None]
         light[row, lamp] = seen
         return light
 
@@ -169,3 +180,9 @@ def _middles(k: int) -> tuple[FloatArray, FloatArray]:
     t = (np.arange(k) + 0.5) / k
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     return u, v
+
+
+def _spread(count: int, elements: IntArray) -> list[FloatArray]:
+    """Four numbers (k, count) in 0 … 1 for the points of elements, evenly spread over all."""
+    turn = np.arange(count) + np.sqrt(2.0) * elements[:, None]
+    return [np.mod(turn * step, 1.0) for step in STEPS]

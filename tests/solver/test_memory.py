@@ -153,7 +153,7 @@ def test_a_mesh_that_does_not_fit_is_refused_with_advice(free, disk):
         check_memory(60_000, least_elements=5_000, accuracy=0.01)
     message = str(error.value)
     # 7.2 GB packed, and what finding and solving take besides.
-    assert "60000 elements need 8.1 GB" in message
+    assert "60000 elements need 7.9 GB" in message
     assert "only 4.0 GB are free, and 1.0 GB for temporary files" in message
     assert "a larger number than 0.01" in message and "fewer patches" in message
     assert "sensors" not in message and "\n" not in message
