@@ -18,6 +18,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from measure import FLOOR
@@ -89,24 +90,32 @@ def cover(case: Reference, accuracy: float, truth: FloatArray) -> Coverage:
     result = simulate(scene, accuracy=accuracy)
     seconds = time.process_time() - start
     found = result.sensors["sensors"]
-    judged = truth > FLOOR * truth.max()
-    truth = truth[judged]
-    true = np.abs(found.illuminance_lx[judged] / truth - 1.0)
-    stated = found.error_lx[judged] / truth
-    granted = np.maximum(true - case.doubt, 0.0)
-    needed = np.quantile(granted / np.maximum(stated, 1e-300), SHARE, method="higher")
     return Coverage(
         case=case.name,
         accuracy=accuracy,
-        points=len(truth),
-        covered=float((granted <= stated).mean()),
-        needed=float(needed),
-        stated_to_true=float(np.median(stated / np.maximum(true, LEAST))),
-        rms_true=float(np.sqrt(np.mean(true**2))),
-        rms_stated=float(np.sqrt(np.mean(stated**2))),
         converged=result.converged,
         cpu_s=seconds,
+        **compared(found.illuminance_lx, found.error_lx, truth, case.doubt),
     )
+
+
+def compared(
+    values: FloatArray, stated: FloatArray, truth: FloatArray, doubt: float
+) -> dict[str, Any]:
+    """The figures of `Coverage` for values (n,), stated errors and truth off by ``doubt``."""
+    judged = truth > FLOOR * truth.max()
+    true = np.abs(values[judged] / truth[judged] - 1.0)
+    relative = stated[judged] / truth[judged]
+    granted = np.maximum(true - doubt, 0.0)
+    needed = np.quantile(granted / np.maximum(relative, 1e-300), SHARE, method="higher")
+    return {
+        "points": int(judged.sum()),
+        "covered": float((granted <= relative).mean()),
+        "needed": float(needed),
+        "stated_to_true": float(np.median(relative / np.maximum(true, LEAST))),
+        "rms_true": float(np.sqrt(np.mean(true**2))),
+        "rms_stated": float(np.sqrt(np.mean(relative**2))),
+    }
 
 
 def pooled(rows: Sequence[Coverage]) -> str:

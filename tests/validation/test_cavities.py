@@ -1,4 +1,4 @@
-"""Cavities: the sphere, in which all light is even, and Ward's box with and without mirror."""
+"""Sphere cavities, lamps of a hundred lumens, and Ward's box with and without a mirror."""
 
 import dataclasses
 
@@ -13,22 +13,25 @@ from patchlight.pipeline import (
     SensorGrid,
     simulate,
 )
+from patchlight.solver.model.profiles import Profile, checked_profile
 
-SPHERE = PatchSet.sphere((0, 0, 0), 1.0, inward=True)
+from ..solver.fixtures_light import Body, scene, setup
+
+SPHERE = Body(PatchSet.sphere((0, 0, 0), 1.0, inward=True))
 
 
 def lit_sphere(rho, profile=None):
     """A cavity of which one octant shines, or all of it as ``profile`` says."""
-    scene = Scene()
-    scene.add(SPHERE, "wall")
-    scene.assign("wall", Material(rho))
-    scene.assign("wall", Emitter(400.0 * np.pi, profile=profile))
-    data = scene.freeze()
+    data = scene(setup(SPHERE), rho=rho, lamps=[(0, "wall", 100.0)])
     if profile is None:
         index = data.luminaire_index.copy()
         index[1:] = -1
-        data = dataclasses.replace(data, luminaire_index=index)
-    return data
+        return dataclasses.replace(data, luminaire_index=index)
+    (lamp,) = data.luminaires
+    shape = Profile.of(
+        checked_profile(profile), part=lamp.part, placement=np.eye(4), patches=np.arange(8)
+    )
+    return dataclasses.replace(data, luminaires=(dataclasses.replace(lamp, profile=shape),))
 
 
 @pytest.mark.parametrize("rho", [0.2, 0.5, 0.8, 0.95, 0.99])
@@ -48,11 +51,11 @@ def unevenness(accuracy):
 
 @pytest.mark.slow
 def test_light_of_an_uneven_wall_converges():
-    """Every piece of the wall is seen by its area, whatever it shines; 1e-6 at 1e-3."""
+    """Every piece of the wall is seen by its area, whatever it shines: to 2e-6 at 1e-3."""
     found = [unevenness(accuracy) for accuracy in (0.03, 0.01, 0.003, 0.001)]
     assert all(b <= 1.2 * a for a, b in zip(found, found[1:], strict=False))
-    # Factors are of single precision.
-    assert found[-1] <= 1e-6, found
+    # Unoccluded factors are asked for to 3e-6.
+    assert found[-1] <= 2e-6, found
 
 
 GAMMA = np.arange(0.0, 181.0, 1.0)
@@ -68,12 +71,12 @@ def test_a_hundred_lumens_at_one_metre(lamp):
         "web": (panel, Photometry([0.0, 360.0], GAMMA, [cosine, cosine]), 100 / np.pi),
         "ball": (PatchSet.sphere((0, 0, 1), 1e-3), None, 25 / np.pi),
     }[lamp]
-    scene = Scene()
-    scene.add(patches, "lamp")
-    scene.assign("lamp", Material(0.0))
-    scene.assign("lamp", Emitter(100.0, photometry=photometry))
-    scene.add(SensorGrid(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), name="grid"))
-    found = simulate(scene).sensors["grid"].illuminance_lx[0]
+    made = Scene()
+    made.add(patches, "lamp")
+    made.assign("lamp", Material(0.0))
+    made.assign("lamp", Emitter(100.0, photometry=photometry))
+    made.add(SensorGrid(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), name="grid"))
+    found = simulate(made).sensors["grid"].illuminance_lx[0]
     # The size of the lamps leaves 1e-6; a web in steps of 1° has 5e-5 less flux than a cosine.
     assert found == pytest.approx(expected, rel=1e-4)
     assert found == pytest.approx({"ball": 7.958}.get(lamp, 31.83), rel=1e-3)
@@ -107,4 +110,5 @@ def test_wards_box(name):
     assert np.sqrt(np.mean((found / truth - 1.0) ** 2)) <= 1e-3
     if name == "Ward":
         floor = 0.3 * 10.0 * found[23:].reshape(4, 6)
-        np.testing.assert_allclose(floor, WARD_FLOOR, rtol=1e-3)
+        # Good to 0.1 %, and rounded to five digits behind the point.
+        np.testing.assert_allclose(floor, WARD_FLOOR, rtol=1e-3, atol=5e-6)
