@@ -200,10 +200,13 @@ def _chosen(
         level = unknowns.mean(values)
         spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
         worth += (spread + LEAST * level) * surfaces.areas * share
-    worth[~unknowns.can_halve(surfaces.elements)] = 0.0
-    worth[len(field.sources.nets) :] = 0.0  # panes
+    able = unknowns.can_halve(surfaces.elements)
+    able[len(field.sources.nets) :] = False  # panes
     if field.system.scattering is not None:
-        worth[field.system.scattering.share > 0.0] = 0.0  # known by whole elements
+        able &= field.system.scattering.share <= 0.0  # known by whole elements
+    worth[~able] = 0.0
+    # Where parts have moved, others may be buried.
+    before = None if before is None else before[able[before]]
     order = np.argsort(-worth, kind="stable")
     order = order[worth[order] > 0.0]
     count = int(max(ROWS, SHARE * len(unknowns))) // unknowns.halves_of
