@@ -442,6 +442,8 @@ class FieldSolver:
         self, rows: Rows, at: IntArray, asked: Ask, totals: FloatArray | float, **how: Any
     ) -> FloatArray:
         """Close some of the ``rows``, in place; see `RowFinder.close`."""
+        if len(at) == len(rows.factors):
+            return self._factors.close(rows, totals, asked, **how)
         part = rows.take(at)
         sums = self._factors.close(part, totals, asked.taken(at), **how)
         rows.put(at, part)

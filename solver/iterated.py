@@ -238,6 +238,8 @@ def _chosen(
     whole[len(field.sources.nets) :] = True  # panes
     if field.system.scattering is not None:
         whole |= field.system.scattering.share > 0.0  # known by whole elements
+    # Where parts have moved, others may be buried.
+    before = None if before is None else before[~whole[before]]
     order = np.argsort(-worth, kind="stable")
     order = order[(worth > 0.0)[order] & ~whole[order]]
     count = int(max(ROWS, share * len(unknowns))) // unknowns.halves_of

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .containment import Containment
@@ -19,8 +21,8 @@ NEAR = 1e-4
 def placement_remarks(scene: SceneData, tester: Containment, kept: Kept) -> tuple[str, ...]:
     """As `check_placement`: nothing is asked twice of the same scene, whatever its lamps' flux.
 
-    Where nothing was wrong, and parts have moved that neither are nor come near lamps, cameras or
-    sensors, nothing is.
+    Where nothing was wrong, and parts have moved that neither are lamps nor come near any, lamps
+    are not asked about at all.
     """
     lamps = [(lamp.part, lamp.area_m2) for lamp in scene.luminaires]
     flux = [lamp.flux_lm for lamp in scene.luminaires]
@@ -28,9 +30,10 @@ def placement_remarks(scene: SceneData, tester: Containment, kept: Kept) -> tupl
 
     def find() -> tuple[str, ...]:
         before = kept.of_parts("placement", at)
-        if before is not None and not _may_differ(scene, before):
-            return ()
-        return check_placement(scene, tester)
+        if before is None or _lamps_may_differ(scene, before):
+            return check_placement(scene, tester)
+        dark = np.full_like(scene.luminaire_index, -1)
+        return check_placement(replace(scene, luminaires=(), luminaire_index=dark), tester)
 
     lines, told = kept.find("placement", at, lambda: (find(), flux))
     if not lines:
@@ -38,8 +41,8 @@ def placement_remarks(scene: SceneData, tester: Containment, kept: Kept) -> tupl
     return lines if not lines or told == flux else check_placement(scene, tester)
 
 
-def _may_differ(scene: SceneData, before: FloatArray) -> bool:
-    """Whether moved parts may matter, control nets having been as ``before`` (p, 4, 4, 4)."""
+def _lamps_may_differ(scene: SceneData, before: FloatArray) -> bool:
+    """Whether moved parts may come to lamps, control nets having been ``before`` (p, 4, 4, 4)."""
     nets, part = scene.patches.control_points, scene.patches.part_index
     dirty = moved_patches(before, nets)
     lit = (scene.luminaire_index >= 0).any(axis=1)
@@ -51,9 +54,7 @@ def _may_differ(scene: SceneData, before: FloatArray) -> bool:
     if (dirty & (lit | air[part])).any() or not np.array_equal(ends[0], ends[1]):
         return True
     near = NEAR * float(np.linalg.norm(ends[1][1] - ends[1][0]))
-    places = [np.append(camera.eye, 0.0) for camera in scene.cameras]
-    places += [np.append(point, 0.0) for grid in scene.sensors for point in grid.points]
-    spheres = np.concatenate([np.reshape(places, (-1, 4)), bounding_spheres(nets[lit])])
+    spheres = bounding_spheres(np.ascontiguousarray(nets[lit]))
     balls = balls_about(before, nets, dirty, part)[2]
     away = np.linalg.norm(spheres[:, None, :3] - balls[None, :, :3], axis=2)
     return bool((away < spheres[:, None, 3] + balls[None, :, 3] + near).any())

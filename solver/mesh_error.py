@@ -22,6 +22,9 @@ OF_CHANGE = 0.5
 #: Error of indirect light against the share of all light that is lacking or too much: it is not
 #: spread like the rest. What 95 % of the sensors of rooms with lamps close to the ceiling need.
 OF_LACKING = 1.5
+#: Most of all light against that which is indirect: where less is reflected, what the ledger has wrong
+#: is direct light.
+MOST_DIRECT = 5.0
 #: Pairs of receiver and element at a time.
 PAIRS = 1_000_000
 #: Columns of random signs by which sums of squares are told, to about a sixth.
@@ -55,6 +58,7 @@ class MeshError:
         areas, arriving = finer.unknowns.areas, finer.arriving
         indirect = float(arriving.luminous("indirect") @ areas)
         more = float(arriving.luminous() @ areas) / indirect if indirect > 0.0 else 0.0
+        more = min(more, MOST_DIRECT)
         return cls(OF_LACKING * (residual + finer.put_right) * more, unseen)
 
     def of(self, light: Gathered, doubt: FloatArray) -> FloatArray:

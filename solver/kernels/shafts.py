@@ -114,12 +114,22 @@ def find_touched_pairs(
             for h in range(hulls.shape[0]):
                 if not _before(x, y, z, normals[i, q], hulls[h], more):
                     continue
+                bx, by, bz = hulls[h, 0] - x, hulls[h, 1] - y, hulls[h, 2] - z
+                ball2, radius = bx * bx + by * by + bz * bz, hulls[h, 3] + more
                 if open_rows[i]:
                     for b in range(ranges[h, 0], ranges[h, 1]):
                         some |= _before(x, y, z, normals[i, q], balls[b], more)
                 for j in range(spheres.shape[0]):
                     seen = factors[i, j] > 0.0
                     if touched[i, j] and (some or not seen):
+                        continue
+                    # Most are far off: as for `meets`, with a cylinder in place of the cone.
+                    sx, sy, sz = spheres[j, 0] - x, spheres[j, 1] - y, spheres[j, 2] - z
+                    dot = bx * sx + by * sy + bz * sz
+                    length2 = max(sx * sx + sy * sy + sz * sz, 1e-300)
+                    t = min(max(dot / length2, 0.0), 1.0)
+                    wide = radius + spheres[j, 3]
+                    if ball2 - t * (2.0 * dot - t * length2) > wide * wide * (1.0 + 1e-9):
                         continue
                     if not meets(x, y, z, spheres[j], planes[j], hulls[h], more):
                         continue

@@ -273,3 +273,43 @@ def test_a_seat_in_between_is_met_and_one_behind_is_not():
     # Just above the element: near enough to its sphere, but behind its plane.
     assert touched([0.0, 0.0, 4.3, 0.2]) and not touched([0.0, 0.0, 4.3, 0.2], flat=True)
     assert touched([0.0, 0.0, 3.8, 0.2], flat=True)
+
+
+def test_only_the_pairs_that_may_change_are_found_anew():
+    """Pairs found after a move are far fewer than those of the rows they are in."""
+    run(room())
+    again = run(room(at=(-0.2, -0.1, 0.0)))
+    assert again.settings["mesh_of_earlier_run"]
+    own = fresh(room(at=(-0.2, -0.1, 0.0)))
+    within_error(again, own)
+    renewed = again.counters["pairs_renewed"]
+    every = renewed + again.counters["pairs_reused"]
+    assert 0 < renewed < 0.6 * every
+    # Where both meshes are alike, the pairs found are those of a fresh run, but for how rows close.
+    if same_mesh(again, own):
+        one, other = (r.sensors["plane"].illuminance_lx for r in (again, own))
+        assert one == pytest.approx(other, rel=1e-2 * ACCURACY)
+
+
+def test_a_seat_under_another_sky_takes_no_row_of_the_old_one():
+    """Rows that know of the sky are not mixed with others: both change here at once."""
+    overcast, clear = CIESky(1), CIESky(12, sun_altitude_deg=40.0, sun_azimuth_deg=120.0)
+    run(under(overcast, curved=True))
+    made = under(clear, curved=True)
+    nets = made.patches.control_points.copy()
+    own = made.patches.part_index == 1
+    nets[own] = nets[own] @ _shift((-0.5, -0.4, 0.0)).T
+    patches = PatchSet(nets, made.patches.face_index, made.patches.part_index)
+    moved = dataclasses.replace(made, patches=patches)
+    again, alone = run(moved), fresh(moved)
+    assert same_mesh(again, alone)
+    same_bits(again, alone)
+
+
+def test_lamps_are_asked_about_once_more_where_something_comes_to_them():
+    """A seat that is put around a lamp is told, and buries elements that were looked at closely."""
+    run(room())
+    lifted = room(at=(-0.1, -1.2, 2.2))  # about the right lamp
+    again, own = run(lifted), fresh(lifted)
+    assert any("lamp" in line and "inside" in line for line in own.warnings)
+    assert again.warnings == own.warnings
