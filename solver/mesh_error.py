@@ -22,8 +22,8 @@ OF_CHANGE = 0.5
 #: Error of indirect light against the share of all light that is lacking or too much: it is not
 #: spread like the rest. What 95 % of the sensors of rooms with lamps close to the ceiling need.
 OF_LACKING = 1.5
-#: Most of all light against that which is indirect: where less is reflected, what the ledger has wrong
-#: is direct light.
+#: Most of all light against that which is indirect: where less is reflected, what the ledger has
+#: wrong is direct light.
 MOST_DIRECT = 5.0
 #: Pairs of receiver and element at a time.
 PAIRS = 1_000_000
