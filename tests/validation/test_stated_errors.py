@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 #: What solves in little time at the accuracies asked for.
-QUICK = ("A4", "C2_rho50", "C3", "C3_surf", "CIE_5.3", "D2", "dome", "spheres")
+QUICK = ("C2_rho50", "C3", "C3_surf", "CIE_5.3", "D2", "dome", "spheres")
 
 
 @pytest.mark.slow
