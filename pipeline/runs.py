@@ -89,7 +89,8 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
     from patchlight.solver.simulation import estimate_seconds
 
     method = scene.method if options.method is None else options.method
-    seconds = float(estimate_seconds(data, accuracy))
+    basis = scene.basis if method == "default" else None
+    seconds = float(estimate_seconds(data, accuracy, basis))
     size = f"{len(data.patches)} patches of {len(data.faces)} faces, accuracy {accuracy:g}"
     announce = talk.note if seconds > LONG_SECONDS else talk.detail
     if method == "default":
@@ -100,7 +101,7 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
         data,
         accuracy=accuracy,
         method=method,
-        basis=scene.basis,
+        basis=basis,
         balanced_mesh=scene.balanced_mesh,
         progress=talk.progress,
         threads=options.threads,

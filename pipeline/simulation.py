@@ -70,7 +70,7 @@ def simulate(
         accuracy = scene.accuracy if isinstance(scene, Scene) else 0.01
     if method is None:
         method = scene.method if isinstance(scene, Scene) else "default"
-    if basis is None and isinstance(scene, Scene):
+    if basis is None and isinstance(scene, Scene) and method == "default":
         basis = scene.basis
     if balanced_mesh is None:
         balanced_mesh = scene.balanced_mesh if isinstance(scene, Scene) else False

@@ -95,6 +95,11 @@ def balanced(boxes: Boxes, seams: list[Seam], most: int) -> Boxes:
     return boxes
 
 
+def is_balanced(boxes: Boxes, seams: list[Seam]) -> bool:
+    """Whether no edge has more than two neighbours."""
+    return not len(_overfull(boxes, seams)[0])
+
+
 def _overfull(boxes: Boxes, seams: list[Seam]) -> tuple[IntArray, IntArray, FloatArray]:
     """Boxes to cut, across which axis and at which parameter, each box once."""
     found: dict[int, tuple[int, float]] = {}

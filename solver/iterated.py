@@ -19,7 +19,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,7 +150,9 @@ def finer_light(
     """
     chosen, unseen = _chosen(field, weights, share, before)
     if not len(chosen):
-        return as_it_is(field)
+        # Nothing is known of how light varies over elements: by as little as is taken elsewhere.
+        least = LEAST * field.unknowns.mean(luminous(field.all_sent))
+        return replace(as_it_is(field), spread=least)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
     fine = unknowns.halved(field.surfaces.elements, chosen)
     lift = Lift.of(unknowns, fine, chosen)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .balance import Seam, balanced, smooth_seams
+from .balance import Seam, balanced, is_balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
 from .horizon_lines import with_lines
@@ -165,6 +165,10 @@ class Mesher:
         if self._seams is None:
             self._seams = smooth_seams(self.blockers)
         even = balanced(boxes, self._seams, budget.elements_at_most)
+        if not is_balanced(even, self._seams):
+            self.stages.skipped["balance of the mesh"] = (
+                f"incomplete: no more than {budget.elements_at_most} elements are made"
+            )
         if len(even) > len(boxes):
             self.stages.count({"elements_added_for_balance": len(even) - len(boxes)})
         return even

@@ -55,6 +55,8 @@ class Arrangement:
         Of the m rows.
     lifts : (m,) array or None
         As in `Ask`.
+    sources, patch : (n, 4, 4, 4) and (n,) array
+        Nets of the elements, and the patches they are of.
     spheres, cell_eps, dim : (n, 4), (n,) and (n,) array
         Of the elements, as in `Sources`.
     planes : (n, 4) array
@@ -68,6 +70,8 @@ class Arrangement:
     nets: FloatArray
     receivers: Receivers
     lifts: FloatArray | None
+    sources: FloatArray
+    patch: IntArray
     spheres: FloatArray
     cell_eps: FloatArray
     dim: FloatArray
@@ -84,6 +88,8 @@ class Arrangement:
             nets=nets,
             receivers=asked.receivers,
             lifts=asked.lifts,
+            sources=sources.nets,
+            patch=sources.patch,
             spheres=sources.spheres,
             cell_eps=sources.cell_eps,
             dim=sources.dim,
@@ -110,9 +116,14 @@ class Arrangement:
             and np.array_equal(new.patches, old.patches)
             and np.array_equal(self.cell_eps, sources.cell_eps)
             and np.array_equal(self.dim, sources.dim)
+            and np.array_equal(self.patch, sources.patch)
         )
         if not same:
             return None
+        dirty = moved_patches(self.nets, nets)
+        stood = ~dirty[self.patch]
+        if not np.array_equal(self.sources[stood], sources.nets[stood]):
+            return None  # as many elements, but others
         whole = (
             (new.nodes != old.nodes).any(axis=(1, 2))
             | (new.normals != old.normals).any(axis=(1, 2))
@@ -121,7 +132,6 @@ class Arrangement:
         lifts = np.zeros(len(whole)) if asked.lifts is None else asked.lifts
         if self.lifts is not None and asked.lifts is not None:
             whole |= self.lifts != asked.lifts
-        dirty = moved_patches(self.nets, nets)
         pairs = np.zeros(rows.factors.shape, dtype=bool)
         pairs[whole] = True
         pairs[:, dirty[sources.patch]] = True

@@ -119,7 +119,8 @@ class CornerField:
     def illuminance(self) -> FloatArray:
         """Of the vertices (N,). [lx]"""
         parts = [*self.seen.light.direct.values(), *self.indirect.values()]
-        return luminous(np.asarray(sum(parts)))
+        nothing = np.zeros((len(self.vertices), self.surfaces.emitted.shape[1]))
+        return luminous(np.asarray(sum(parts, nothing)))
 
 
 class CornerSolver:

@@ -34,9 +34,9 @@ REFINEMENTS = 3
 METHODS = ("default", "nn93")
 
 
-def estimate_seconds(scene: SceneData, accuracy: float = 0.01) -> float:
+def estimate_seconds(scene: SceneData, accuracy: float = 0.01, basis: str | None = None) -> float:
     """Rough wall-clock time of `solve` on two cores, without compiling. [s]"""
-    return Budget.of(scene, accuracy).seconds(scene)
+    return Budget.of(scene, accuracy, basis or Simulation.basis).seconds(scene)
 
 
 def solve(
@@ -181,6 +181,9 @@ class Simulation:
         # take more than they are worth.
         kept = options.cache and not options.balanced and not large
         self.store = STORE if kept else None
+        if options.cache and not kept:
+            why = "the mesh is balanced" if options.balanced else "the mesh is large"
+            stages.skipped["reuse"] = f"{why}: nothing is kept for later runs"
         check_memory(
             self.budget.unknowns if large else self.budget.elements,
             self.largest_grid,
@@ -193,7 +196,8 @@ class Simulation:
         """Whether memory sets no bound to the mesh that is asked for."""
         budget = self.budget
         varying = (
-            budget.basis != "constant"
+            self.basis == "constant"
+            or budget.basis != "constant"
             or self._scatters
             or budget.elements > most_varying(self.basis)
         )
@@ -273,7 +277,8 @@ class Simulation:
         if before is not None:
             with self.stages.run("elements"):
                 misplaced = solver.mesher.misplaced_again(before, self.budget)
-            if before.still_good(misplaced, self.budget.misplaced):
+            good = before.still_good(misplaced, self.budget.misplaced)
+            if good and self._fits(len(before.boxes)):
                 solver.mesh_before = before
                 solved = self._on(solver, before.boxes)
                 if before.converged and not self._converged(solved.sensors):

@@ -53,14 +53,6 @@ class Receivers:
             rows,
         )
 
-    @property
-    def singly(self) -> Receivers:
-        """Their nodes, each a receiver of its own."""
-        m, q = self.weights.shape
-        nodes, normals = (a.reshape(m * q, 1, 3) for a in (self.nodes, self.normals))
-        on, own = np.repeat(self.patches, q), np.repeat(self.own, q)
-        return Receivers(nodes, normals, np.ones((m * q, 1)), on, own)
-
     @classmethod
     def of_sensors(cls, grid: Sensors) -> Receivers:
         ones = np.ones(len(grid))

@@ -18,6 +18,8 @@ from patchlight.pipeline import (
     simulate,
 )
 
+pytestmark = pytest.mark.slow  # kernels that little else needs
+
 #: Index 1: nothing is thrown back, τ = exp(−a d / cosθ).
 DARK = Glass(0.01, n=1.0, absorption_per_m=50.0)
 NOTHING = Glass(n=1.0, absorption_per_m=0.0)

@@ -147,6 +147,7 @@ def test_what_the_method_lacks_is_refused(material):
         solve(given, method="nn39")
 
 
+@compiled
 def test_matrices_that_do_not_fit_are_not_made(monkeypatch):
     monkeypatch.setattr("patchlight.solver.memory.available_bytes", lambda: 100_000)
     given = scene(setup(Body(BOX)), lamps=[(0, "walls", 100.0)])

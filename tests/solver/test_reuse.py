@@ -5,8 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from patchlight.solver import reuse
+from patchlight.solver.budget import Budget
+from patchlight.solver.field import FieldSolver
+from patchlight.solver.mesh import Boxes
 from patchlight.solver.model import CIESky, Ground, Material, PatchSet
 from patchlight.solver.simulation import solve
+from patchlight.solver.stages import Stages
+from patchlight.solver.topology import make_blockers
 
 from .fixtures_light import Body, ceiling, grid, scene, setup
 
@@ -168,6 +173,7 @@ def test_a_brighter_sky_of_the_same_kind_needs_nothing():
     assert brighter == pytest.approx(2.0 * plane, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_moved_part_is_seen():
     first = run(room())
     moved = room(at=(-0.7, -0.3, 0.0))
@@ -227,6 +233,7 @@ def two_rooms(at=0.0):
     return scene(parts, lamps=lit, sensors=[grid("plane", points)])
 
 
+@pytest.mark.slow
 def test_rows_that_a_moved_part_does_not_touch_stay():
     """A wall hides the seat from one half of the scene: most of its rows are taken as they were."""
     first, again, own = run(two_rooms()), run(two_rooms(-0.8)), fresh(two_rooms(-0.8))
@@ -275,6 +282,7 @@ def test_a_seat_in_between_is_met_and_one_behind_is_not():
     assert touched([0.0, 0.0, 3.8, 0.2], flat=True)
 
 
+@pytest.mark.slow
 def test_only_the_pairs_that_may_change_are_found_anew():
     """Pairs found after a move are far fewer than those of the rows they are in."""
     run(room())
@@ -306,6 +314,7 @@ def test_a_seat_under_another_sky_takes_no_row_of_the_old_one():
     same_bits(again, alone)
 
 
+@pytest.mark.slow
 def test_lamps_are_asked_about_once_more_where_something_comes_to_them():
     """A seat that is put around a lamp is told, and buries elements that were looked at closely."""
     run(room())
@@ -313,3 +322,21 @@ def test_lamps_are_asked_about_once_more_where_something_comes_to_them():
     again, own = run(lifted), fresh(lifted)
     assert any("lamp" in line and "inside" in line for line in own.warnings)
     assert again.warnings == own.warnings
+
+
+def test_as_many_elements_of_another_mesh_are_others():
+    """Nothing has moved, and the meshes are of one size: their form factors are not the same."""
+    made = room()
+    blockers = make_blockers(made.patches, made.closed, made.patches.part_index)
+    budget = Budget.of(made, ACCURACY)
+    whole = Boxes.regular(budget.divisions, made.two_sided)
+
+    def factors(place, store):
+        kept = reuse.Kept(made, stages=Stages(), store=store).with_more(True)
+        solver = FieldSolver(made, blockers, trace=True, stages=kept.stages, kept=kept)
+        halves = whole.take(np.array([0])).cut(np.array([0]), np.array([place]))
+        boxes = whole.take(np.arange(1, len(whole))).joined(halves)[0]
+        return solver.solve(budget, boxes).system.factors
+
+    factors(0.3, reuse.STORE)
+    assert np.array_equal(factors(0.7, reuse.STORE), factors(0.7, None))

@@ -84,7 +84,7 @@ def test_a_finer_mesh_that_does_not_fit_is_not_made(monkeypatch):
     asked = []
     monkeypatch.setattr(
         "patchlight.solver.simulation.fits",
-        lambda elements, grid: asked.append((elements, grid)),
+        lambda elements, grid, more: asked.append((elements, grid)),
     )
     result = solve(lit_room(), accuracy=0.3)
     ((elements, sensors),) = asked

@@ -41,6 +41,7 @@ def extents(patches):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("basis", "least"), [("bilinear", 2.0), ("constant", 1.5)])
 def test_order_of_uniform_meshes(basis, least):
     """Errors at the work plane of a plain room fall with that power of the elements' size."""
