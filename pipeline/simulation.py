@@ -54,7 +54,8 @@ def simulate(
         Threads of the solver; all cores when not given.
     cache : bool
         Whether to take what earlier runs of this process found and is still true: with the same
-        surfaces, form factors are. `patchlight.pipeline.forget` frees it.
+        surfaces, form factors are. `patchlight.pipeline.forget` frees it. Balanced and large
+        meshes and the method of 1993 keep nothing.
 
     Returns
     -------
