@@ -1,11 +1,11 @@
 """What a run found, kept for later runs of the same process.
 
 Values are kept under a hash of all that they are made of, so that a later run gets what it would
-find itself, to the bit; but for rows renewed in part after moves (`renewed`), which are as good. Form
-factors depend on surfaces, mesh and tolerances, on no paint and no
-lamp: a scene that is painted or dimmed anew needs none, as long as its mesh stays. Where the light
-of the lamps decides on the mesh it would move with every change; so the mesh of the run before is
-taken again while it is good enough for the new light, see `Mesh`.
+find itself, to the bit; but for rows renewed in part after moves (`renewed`), which are as good.
+Form factors depend on surfaces, mesh and tolerances, on no paint and no lamp: a scene that is
+painted or dimmed anew needs none, as long as its mesh stays. Where the light of the lamps decides
+on the mesh it would move with every change; so the mesh of the run before is taken again while it
+is good enough for the new light, see `Mesh`.
 """
 
 from __future__ import annotations
