@@ -292,8 +292,8 @@ class FieldSolver:
 
     def _flux_of_lamps(self, field: Field) -> dict[str, FloatArray]:
         """What lamps (b,) send to the scene, by light group, where form factors alone tell. [lm]"""
-        if self.panes.any or self.mirrors.any:
-            return {}
+        if self.panes.any or self.mirrors.any or field.sees_out:
+            return {}  # what share of it meets the scene is not known so well
         surfaces, scene = field.surfaces, self.scene
         kept = surfaces.areas * field.unknowns.mean(field.kept)
         other = {lamp.group for lamp in scene.luminaires if lamp.web or lamp.profile}

@@ -13,6 +13,8 @@ import numpy as np
 from .model.arrays import FloatArray, IntArray
 from .model.result import luminous
 
+#: Share of the flux that is not looked for: by as much the rows of the lamps may be off.
+LEAST = 1e-3
 #: Most of that variation that is given: what is missing beyond is not missing there.
 MOST = 1.0
 
@@ -53,7 +55,7 @@ def put_right(
     if total <= 0.0:
         return found, 0.0
     missing = total - float(luminous(found) @ areas)
-    missing = np.sign(missing) * max(abs(missing) - eps * total, 0.0)
+    missing = np.sign(missing) * max(abs(missing) - max(eps, LEAST) * total, 0.0)
     parts = areas[pieces]
     off = (luminous(found) - luminous(told))[pieces]
     varies = np.sqrt(np.average(off**2, axis=1, weights=parts))

@@ -28,6 +28,9 @@ from .skies import horizontal_illuminance
 from .stages import Progress, Stages
 from .topology import is_single, make_blockers
 
+#: Error of unoccluded factors against the accuracy that their rules are chosen for: beside a lamp
+#: 2.6 times as much was found.
+OF_RULES = 3.0
 #: How often the mesh is cut further where the accuracy asked for is not reached.
 REFINEMENTS = 3
 #: Ways to solve a scene.
@@ -490,4 +493,5 @@ def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
     Mesh: ``shift``. Sampling of partly hidden cells: two standard deviations.
     Quadrature and rounding: the accuracy ``eps`` of unoccluded factors, and theirs, of the value.
     """
-    return np.asarray(shift + 2.0 * light.deviation + (eps + ROUNDING) * light.luminous())
+    rules = OF_RULES * eps + ROUNDING
+    return np.asarray(shift + 2.0 * light.deviation + rules * light.luminous())

@@ -65,7 +65,7 @@ ACCURACIES = (0.1, 0.03, 0.01, 0.003, 0.001)
     ],
 )
 def test_errors_never_grow_with_the_accuracy(name):
-    """By no more than a fifth, but for what the truth and single precision leave."""
+    """By no more than a fifth, or than to a tenth of what is asked for: there other errors begin."""
     from references import reference
 
     one = reference(name)
@@ -77,4 +77,5 @@ def test_errors_never_grow_with_the_accuracy(name):
         found.append(float(np.sqrt(np.mean((values / truth - 1.0) ** 2))))
     for k, error in enumerate(found):
         assert error <= ACCURACIES[k]
-        assert k == 0 or error <= 1.2 * found[k - 1] + least, found
+        allowed = max(1.2 * found[k - 1] + least, 0.1 * ACCURACIES[k])
+        assert k == 0 or error <= allowed, found
