@@ -65,7 +65,7 @@ ACCURACIES = (0.1, 0.03, 0.01, 0.003, 0.001)
     ],
 )
 def test_errors_never_grow_with_the_accuracy(name):
-    """By no more than a fifth, or than to a tenth of what is asked for: there other errors begin."""
+    """By no more than a fifth, or than to a tenth of what is asked: there other errors begin."""
     from references import reference
 
     one = reference(name)
