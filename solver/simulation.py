@@ -107,6 +107,8 @@ def solve(
         raise InputError(f"method = {method!r}: {' or '.join(METHODS)}")
     if basis is not None and basis not in BASES:
         raise InputError(f"basis = {basis!r}: {', '.join(BASES)}")
+    if not isinstance(balanced_mesh, bool):
+        raise InputError(f"balanced_mesh = {balanced_mesh!r}: True or False")
     if len(scene.patches) == 0:
         raise GeometryError("the scene has no surfaces")
     if scene.opaque_count == 0:

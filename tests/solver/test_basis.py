@@ -73,6 +73,8 @@ def test_fewer_elements_may_have_more_nodes(monkeypatch):
 def test_a_basis_that_does_not_exist():
     with pytest.raises(InputError, match="basis = 'cubic': constant, bilinear, biquadratic"):
         solve(scene(setup(BOX)), basis="cubic")
+    with pytest.raises(InputError, match="balanced_mesh = 'yes': True or False"):
+        solve(scene(setup(BOX)), balanced_mesh="yes")
 
 
 @pytest.mark.parametrize("basis", ["constant", "bilinear", "biquadratic"])
