@@ -218,7 +218,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not options.quick:
         simulate(scene, accuracy=0.5)  # compiles the kernels
     cpu, wall = time.process_time(), time.perf_counter()
-    result = simulate(scene, accuracy=options.accuracy)
+    result = simulate(scene, accuracy=options.accuracy, cache=False)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     ours = dict(result.sensors[grid.name].components)
 

@@ -87,7 +87,7 @@ def cover(case: Reference, accuracy: float, truth: FloatArray) -> Coverage:
     scene = case.scene()
     simulate(scene, accuracy=0.5)  # loads what is compiled, or compiles
     start = time.process_time()
-    result = simulate(scene, accuracy=accuracy)
+    result = simulate(scene, accuracy=accuracy, cache=False)
     seconds = time.process_time() - start
     found = result.sensors["sensors"]
     return Coverage(

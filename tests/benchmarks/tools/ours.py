@@ -131,4 +131,4 @@ def _part(item: tuple[int, Body]) -> tuple[int, int]:
 def _reflected(case: Case, accuracy: float) -> FloatArray:
     from patchlight.pipeline import simulate
 
-    return simulate(scene_data(case), accuracy=accuracy).sensors["sensors"].illuminance_lx
+    return simulate(scene_data(case), accuracy=accuracy, cache=False).sensors["sensors"].illuminance_lx
