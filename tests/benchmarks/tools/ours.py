@@ -131,4 +131,5 @@ def _part(item: tuple[int, Body]) -> tuple[int, int]:
 def _reflected(case: Case, accuracy: float) -> FloatArray:
     from patchlight.pipeline import simulate
 
-    return simulate(scene_data(case), accuracy=accuracy, cache=False).sensors["sensors"].illuminance_lx
+    result = simulate(scene_data(case), accuracy=accuracy, cache=False)
+    return result.sensors["sensors"].illuminance_lx
