@@ -58,9 +58,7 @@ class Ask:
 
     def some(self, rows: IntArray) -> Ask:
         """Some of the rows; those that follow one another as they are found among all."""
-        lifts = None if self.lifts is None else self.lifts[rows]
-        first = self.first + int(rows[0])
-        return replace(self, receivers=self.receivers.take(rows), lifts=lifts, first=first)
+        return replace(self.taken(rows), first=self.first + int(rows[0]))
 
     def taken(self, found: IntArray) -> Ask:
         """The rows ``found``."""

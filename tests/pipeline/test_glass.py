@@ -25,6 +25,7 @@ from patchlight.solver.model import Glazing
 from patchlight.solver.skies import luminance
 
 from .scene_files import write
+from .window_room import level, opening, quad, window_room
 
 PANE = Glass(0.006)
 LAW = GlassLaw.of(Glazing(PANE, 0.006))
@@ -33,30 +34,11 @@ UP = (0.0, 0.0, 1.0)
 HEAD = 'schema_version = 1\n[[model]]\nfile = "room.step"\nname = "room"\n'
 
 
-def quad(*corners) -> PatchSet:
-    return PatchSet.from_bilinear(np.array([corners], dtype=float))
-
-
 def room(glass: Glass | None, *, rho=0.0, sky=None, panes=(0.0,), **options) -> Scene:
     """A room 4 x 4 x 3 m, in its wall y = 0 an opening 2 x 1 m from z = 1 m."""
-    scene = Scene()
-    w, d, h, x, low, high = 2.0, 4.0, 3.0, 1.0, 1.0, 2.0
-    walls = {
-        "floor": ((-w, 0, 0), (w, 0, 0), (w, d, 0), (-w, d, 0)),
-        "ceiling": ((-w, 0, h), (-w, d, h), (w, d, h), (w, 0, h)),
-        "north": ((-w, d, 0), (w, d, 0), (w, d, h), (-w, d, h)),
-        "west": ((-w, 0, 0), (-w, d, 0), (-w, d, h), (-w, 0, h)),
-        "east": ((w, 0, 0), (w, 0, h), (w, d, h), (w, d, 0)),
-        "left": ((-w, 0, 0), (-x, 0, 0), (-x, 0, h), (-w, 0, h)),
-        "right": ((x, 0, 0), (w, 0, 0), (w, 0, h), (x, 0, h)),
-        "sill": ((-x, 0, 0), (x, 0, 0), (x, 0, low), (-x, 0, low)),
-        "lintel": ((-x, 0, high), (x, 0, high), (x, 0, h), (-x, 0, h)),
-    }
-    for name, corners in walls.items():
-        scene.add(quad(*corners), name, two_sided=True)
-        scene.assign(name, Material(rho))
+    scene = window_room(4.0, 3.0, rho)
     for k, y in enumerate(panes if glass is not None else ()):
-        scene.add(quad((-x, y, low), (x, y, low), (x, y, high), (-x, y, high)), f"pane{k}")
+        scene.add(opening(y), f"pane{k}")
         scene.assign(f"pane{k}", glass)
     scene.sky, scene.ground = sky, Ground(options.pop("ground", 0.0))
     assert not options
@@ -213,8 +195,8 @@ def test_sun_through_a_window():
 def test_light_adds_up():
     """Twice the sky is twice its light, and that of the lamp stays."""
     found = []
-    for level in (1000.0, 2000.0):
-        scene = with_points(room(PANE, rho=0.4, sky=CIESky(16, diffuse_illuminance_lx=level)))
+    for sky_lx in (1000.0, 2000.0):
+        scene = with_points(room(PANE, rho=0.4, sky=CIESky(16, diffuse_illuminance_lx=sky_lx)))
         outdoors(scene)
         found.append(simulate(scene, accuracy=0.5).sensors["points"].components)
     for name in found[0]:
@@ -247,7 +229,7 @@ def test_a_furnace_with_a_pane_across_it():
     scene = Scene()
     scene.add(PatchSet.box((2, 2, 2), inward=True), "box")
     scene.assign("box", Material(1.0))
-    scene.add(quad((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)), "pane")
+    scene.add(level(1.0, 0.0), "pane")
     scene.assign("pane", Glass(0.05, n=1.0, absorption_per_m=4.0))
     scene.add(PatchSet.disk((0, 0, 0.4), 0.3, (0, 0, -1)), "lamp", two_sided=True)
     scene.assign("lamp", Emitter(flux_lm=1000.0))
@@ -308,7 +290,7 @@ def test_a_solid_pane_is_a_slab(make_model):
             scene.add(make_model("m", {"pane": ((1.0, 1.0, 0.006), (0, 0, 1.0), False)}))
             scene.assign("pane", Glass())
         else:
-            scene.add(quad((-0.5, -0.5, 1), (0.5, -0.5, 1), (0.5, 0.5, 1), (-0.5, 0.5, 1)), "pane")
+            scene.add(level(0.5, 1.0), "pane")
             scene.assign("pane", PANE)
         scene.add(PatchSet.sphere((1.0, 0, 5.0), 0.05), "globe")
         scene.assign("globe", Emitter(flux_lm=1e5))
@@ -410,9 +392,7 @@ def test_under_a_dome_of_glass():
     found = []
     for glass in (None, PANE):
         scene = Scene()
-        scene.add(
-            quad((-0.2, -0.2, -0.5), (0.2, -0.2, -0.5), (0.2, 0.2, -0.5), (-0.2, 0.2, -0.5)), "a"
-        )
+        scene.add(level(0.2, -0.5), "a")
         scene.assign("a", Material(0.0))
         if glass is not None:
             scene.add(PatchSet.sphere((0, 0, 0), 1.0), "bulb")

@@ -21,15 +21,11 @@ from patchlight.solver.glass import GlassLaw
 from patchlight.solver.model import Glazing
 from patchlight.solver.skies import luminance
 
+from .window_room import level
+
 PANE = Glass(0.006)
 LAW = GlassLaw.of(Glazing(PANE, 0.006))
 UP = (0.0, 0.0, 1.0)
-
-
-def level(half, z, up=True) -> PatchSet:
-    """A square about the axis; looking up or down."""
-    corners = [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)]
-    return PatchSet.from_bilinear(np.array([corners if up else corners[::-1]], dtype=float))
 
 
 def under_a_pane(glass: Glass | None, emitter: Emitter, *, shelf: bool) -> Scene:

@@ -18,6 +18,8 @@ from patchlight.pipeline import (
     simulate,
 )
 
+from .window_room import level
+
 pytestmark = pytest.mark.slow  # kernels that little else needs
 
 #: Index 1: nothing is thrown back, τ = exp(−a d / cosθ).
@@ -28,11 +30,6 @@ DOWN = (0.0, 0.0, -1.0)
 
 def tau(cosine):
     return np.exp(-0.5 / np.asarray(cosine))
-
-
-def level(half, z, up=True) -> PatchSet:
-    corners = [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)]
-    return PatchSet.from_bilinear(np.array([corners if up else corners[::-1]], dtype=float))
 
 
 def over_a_floor(glass: Glass | None, floor: Material, *, lamp=None, z=1.0, points=()) -> Scene:

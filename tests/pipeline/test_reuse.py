@@ -21,14 +21,12 @@ from patchlight.pipeline import (
     simulate,
 )
 
+from .window_room import opening, quad, window_room
+
 ACCURACY = 0.3
 POINTS = np.array([(0.4, 1.0, 0.8), (-0.9, 2.9, 0.8), (1.1, 3.4, 0.8)])
 LAMP = {"flux_lm": 2000.0, "cct_k": 4000}
 FACTORS = ("pairs_scanned", "pairs_traced", "pairs_without_blocker")
-
-
-def quad(*corners) -> PatchSet:
-    return PatchSet.from_bilinear(np.array([corners], dtype=float))
 
 
 def room(
@@ -44,24 +42,10 @@ def room(
     seat=(0.6, 2.2),
 ) -> Scene:
     """A room 3 x 4 x 2.5 m with a seat; in its wall y = 0 an opening 2 x 1 m from z = 1 m."""
-    scene = Scene()
-    w, d, h, x, low, high = 1.5, 4.0, 2.5, 1.0, 1.0, 2.0
-    walls = {
-        "floor": ((-w, 0, 0), (w, 0, 0), (w, d, 0), (-w, d, 0)),
-        "ceiling": ((-w, 0, h), (-w, d, h), (w, d, h), (w, 0, h)),
-        "north": ((-w, d, 0), (w, d, 0), (w, d, h), (-w, d, h)),
-        "west": ((-w, 0, 0), (-w, d, 0), (-w, d, h), (-w, 0, h)),
-        "east": ((w, 0, 0), (w, 0, h), (w, d, h), (w, d, 0)),
-        "left": ((-w, 0, 0), (-x, 0, 0), (-x, 0, h), (-w, 0, h)),
-        "right": ((x, 0, 0), (w, 0, 0), (w, 0, h), (x, 0, h)),
-        "sill": ((-x, 0, 0), (x, 0, 0), (x, 0, low), (-x, 0, low)),
-        "lintel": ((-x, 0, high), (x, 0, high), (x, 0, h), (-x, 0, h)),
-    }
+    scene = window_room(3.0, 2.5, rho)
     if not window:
-        walls["shutter"] = ((-x, 0, low), (x, 0, low), (x, 0, high), (-x, 0, high))
-    for name, corners in walls.items():
-        scene.add(quad(*corners), name, two_sided=True)
-        scene.assign(name, Material(rho))
+        scene.add(opening(), "shutter", two_sided=True)
+        scene.assign("shutter", Material(rho))
     if floor is not None:
         scene.assign("floor", floor)
     if north is not None:
@@ -73,7 +57,7 @@ def room(
         )
         scene.assign("lamp", lamp)
     if glass is not None:
-        scene.add(quad((-x, 0, low), (x, 0, low), (x, 0, high), (-x, 0, high)), "pane")
+        scene.add(opening(), "pane")
         scene.assign("pane", glass)
     scene.sky, scene.sun = sky, sun
     scene.ground = Ground(0.2) if sky is not None else None
