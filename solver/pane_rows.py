@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from .exchange import Rows, form_factor_matrix, make_sources
-from .kernels.panes import Panes, Tree, pane_rows
+from .kernels.panes import Panes, pane_rows
+from .kernels.paths import Tree
 from .kernels.pyramid import Blockers
 from .kernels.threads import count_threads
 from .model.arrays import FloatArray, MatrixArray

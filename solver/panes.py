@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from .errors import GeometryError
 from .glass import GlassLaw
-from .kernels.panes import Panes, Tree, shares_along
+from .kernels.panes import Panes, shares_along
+from .kernels.paths import Tree
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import tangents
 from .model.patches import PatchSet

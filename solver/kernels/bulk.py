@@ -29,7 +29,14 @@ _GOLDEN = 0.6180339887498949
 
 
 @lean
-def _find_dark(x, n, own_patch, own, sources, blockers, dark):
+def turn_of(number):
+    """Angle by which the meridians of node ``number`` are turned: even for any run of numbers."""
+    turn = (number + 0.5) * _GOLDEN
+    return 2.0 * math.pi * (turn - math.floor(turn))
+
+
+@lean
+def find_dark_groups(x, n, own_patch, own, sources, blockers, dark):
     """Mark the groups (g,) of which a receiver sees nothing."""
     find_dark(x, n, sources.group_nets, sources.group_cones, sources.group_spheres, dark)
     if own_patch < 0:
@@ -49,18 +56,9 @@ def _find_dark(x, n, own_patch, own, sources, blockers, dark):
 
 
 @lean
-def _unoccluded(
-    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, dark, factors,
-    near, counters,
-):  # fmt: skip
-    """Unoccluded form factors from one node to all elements into ``factors`` (n,)."""
-    _find_dark(x, n, own_patch, own, sources, blockers, dark)
-    mean_factors(x, n, sources, sources.point_from, factors)
-    left = far_factors(
-        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim, near_ratio,
-        eps, sources.azimuths.shape[0] == 0, integral, factors, near,
-    )  # fmt: skip
-    for m in range(left):
+def near_factors(x, n, own_patch, sources, blockers, eps, rounding, near, count, s, factors):
+    """Unoccluded form factors of the ``count`` elements ``near``, one by one."""
+    for m in range(count):
         j = near[m]
         patch = sources.patch[j]
         solid = blockers.solid[patch]
@@ -71,6 +69,21 @@ def _unoccluded(
         factors[j] = patch_factor(
             s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
         )
+
+
+@lean
+def _unoccluded(
+    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, dark, factors,
+    near, counters,
+):  # fmt: skip
+    """Unoccluded form factors from one node to all elements into ``factors`` (n,)."""
+    find_dark_groups(x, n, own_patch, own, sources, blockers, dark)
+    mean_factors(x, n, sources, sources.point_from, factors)
+    left = far_factors(
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim, near_ratio,
+        eps, sources.azimuths.shape[0] == 0, integral, factors, near,
+    )  # fmt: skip
+    near_factors(x, n, own_patch, sources, blockers, eps, rounding, near, left, s, factors)
     none = 0
     for j in range(factors.shape[0]):
         none += 1 if factors[j] == 0.0 else 0
@@ -189,8 +202,7 @@ def form_factor_rows(
                 if sources.azimuths.shape[0]:
                     # A curved element may hide itself and what is behind it.
                     flat = own[i] if lifts[i] == 0.0 else -1
-                    turn = ((first_row + i) * nodes.shape[1] + q + 0.5) * _GOLDEN
-                    turn = 2.0 * math.pi * (turn - math.floor(turn))
+                    turn = turn_of((first_row + i) * nodes.shape[1] + q)
                     lines = find_shares(
                         lifted, n, own[i], flat, turn, dark, plain, sources, blockers, rounding,
                         tone, lines, shares,

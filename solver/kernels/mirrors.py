@@ -164,6 +164,18 @@ def _leave(e, share, emits, found, spread, touched, count):
 
 
 @lean
+def _leave_scene(walk, share, by_image, seen, away):
+    """Add to ``away`` (4,) what the walk's ray sees of ground or sky."""
+    x, y, z = walk.ray[3], walk.ray[4], walk.ray[5]
+    if z <= 0.0:
+        away[GROUND_IMAGED if by_image else GROUND] += share
+    elif seen.tone.size:
+        tone = seen.tone
+        level = sky_luminance(tone, tone[7], tone[8], tone[9], x, y, z)
+        away[SKY_IMAGED if by_image else SKY] += share * level
+
+
+@lean
 def _cross(
     share, reach, emits, tree, panes, sides, near, walk, pane, found, spread, touched, count
 ):  # fmt: skip
@@ -213,13 +225,7 @@ def _follow(
                 touched, count,
             )  # fmt: skip
         if hit < 0:
-            x, y, z = walk.ray[3], walk.ray[4], walk.ray[5]
-            if z <= 0.0:
-                away[GROUND_IMAGED if by_image else GROUND] += share
-            elif seen.tone.size:
-                tone = seen.tone
-                level = sky_luminance(tone, tone[7], tone[8], tone[9], x, y, z)
-                away[SKY_IMAGED if by_image else SKY] += share * level
+            _leave_scene(walk, share, by_image, seen, away)
             return count, 0.0
         e = element_at(sides, hit, u, v)
         if e < 0:
@@ -253,13 +259,7 @@ def _follow_through(
         share, by_image = branch[top, 6], branch[top, 7] > 0.0
         hit, u, v = next_hit(tree, walk, near)
         if hit < 0:
-            x, y, z = walk.ray[3], walk.ray[4], walk.ray[5]
-            if z <= 0.0:
-                away[GROUND_IMAGED if by_image else GROUND] += share
-            elif seen.tone.size:
-                tone = seen.tone
-                level = sky_luminance(tone, tone[7], tone[8], tone[9], x, y, z)
-                away[SKY_IMAGED if by_image else SKY] += share * level
+            _leave_scene(walk, share, by_image, seen, away)
             continue
         # On through what is met; what lies behind it comes after what it turns aside.
         for k in range(3):

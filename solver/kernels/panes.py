@@ -62,17 +62,6 @@ class Panes(NamedTuple):
     values: np.ndarray
 
 
-class Tree(NamedTuple):
-    """What hides light, as `RayCaster.arrays`."""
-
-    bounds: np.ndarray
-    links: np.ndarray
-    piece_patch: np.ndarray
-    piece_box: np.ndarray
-    nets: np.ndarray
-    kinds: np.ndarray
-
-
 @lean
 def transmittance(panes, law, c):
     """Share of light that goes straight through at cosine of incidence ``c``."""
@@ -290,7 +279,7 @@ def pane_rows(
         Receiver nodes [m] and unit normals.
     weights : (m, q) array
         Share of each node.
-    panes, tree : Panes, Tree
+    panes, tree : Panes, paths.Tree
         What is crossed, and what hides.
     boxes, planes, origins : (p, 6), (p, 4), (p, 3) array
         Box of each pane patch; unit normal of flat ones and the distance that counts as none, which

@@ -4,20 +4,17 @@ What lies about a receiver is scanned as in `bulk`; unoccluded factors, shares a
 found for the pairs that are asked for alone.
 """
 
-import math
-
 import numba as nb
 import numpy as np
 
-from .bulk import _GOLDEN, _find_dark
+from .bulk import find_dark_groups, near_factors, turn_of
 from .closure import sum_row
 from .compiled import lean, parallel
-from .contour import horizon_tolerance, shift_net
+from .contour import horizon_tolerance
 from .edges import far_factors, mean_factors
 from .meridian import make_lines
-from .patch_factor import patch_factor
 from .pyramid import make_scratch
-from .rows import SCANNED, how_to_see, trace_row
+from .rows import SCANNED, trace_row
 from .shares import ROOM, find_shares, make_shares
 
 
@@ -27,7 +24,7 @@ def _unoccluded(
     factors, near,
 ):  # fmt: skip
     """Unoccluded form factors from one node to the elements ``asked`` for, 0 for all others."""
-    _find_dark(x, n, own_patch, own, sources, blockers, dark)
+    find_dark_groups(x, n, own_patch, own, sources, blockers, dark)
     mean_factors(x, n, sources, sources.point_from, factors)
     for j in range(factors.shape[0]):
         factors[j] = factors[j] if asked[j] else 0.0
@@ -35,17 +32,7 @@ def _unoccluded(
         x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim, near_ratio,
         eps, False, integral, factors, near,
     )  # fmt: skip
-    for m in range(left):
-        j = near[m]
-        patch = sources.patch[j]
-        solid = blockers.solid[patch]
-        same = own_patch >= 0 and blockers.solid[own_patch] == solid
-        inside = same and blockers.hollow[solid]
-        front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
-        shift_net(sources.nets[j], x, s)
-        factors[j] = patch_factor(
-            s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding
-        )
+    near_factors(x, n, own_patch, sources, blockers, eps, rounding, near, left, s, factors)
 
 
 @lean
@@ -121,8 +108,7 @@ def renew_rows(
                     asked[i], integral, s, dark, plain, near,
                 )  # fmt: skip
                 flat = own[i] if lifts[i] == 0.0 else -1
-                turn = ((first_row + i) * nodes.shape[1] + q + 0.5) * _GOLDEN
-                turn = 2.0 * math.pi * (turn - math.floor(turn))
+                turn = turn_of((first_row + i) * nodes.shape[1] + q)
                 lines = find_shares(
                     lifted, n, own[i], flat, turn, dark, plain, sources, blockers, rounding,
                     tone, lines, shares,
