@@ -14,12 +14,13 @@ RESIDUAL_BOUND = 1e-3
 
 def ledger_warning(balance: Balance) -> tuple[str, ...]:
     """A line when the ledger does not close; nothing when it does."""
-    found = abs(balance.residual_fraction)
-    if found <= RESIDUAL_BOUND:
+    found = balance.residual_fraction
+    if abs(found) <= RESIDUAL_BOUND:
         return ()
+    what = "is lacking" if found > 0.0 else "comes from nowhere"
     return (
-        f"flux ledger: {100.0 * found:.2g} % of all light ({abs(balance.residual_lm):.3g} lm) is "
-        f"not accounted for; at most {100.0 * RESIDUAL_BOUND:g} % may be missing",
+        f"flux ledger: {100.0 * abs(found):.2g} % of all light ({abs(balance.residual_lm):.3g} lm) "
+        f"{what}; the bound is {100.0 * RESIDUAL_BOUND:g} % at every accuracy",
     )
 
 

@@ -116,8 +116,8 @@ def test_emitting_faces_of_the_air_itself_are_inside():
     ("absorbed", "words"),
     [
         (995.0, ()),
-        (994.9, ("0.11 %", "1.1 lm")),
-        (1100.0, ("10 %",)),
+        (994.9, ("0.11 %", "1.1 lm", "lacking")),
+        (1100.0, ("10 %", "nowhere")),
     ],
 )
 def test_a_ledger_that_does_not_close_is_a_warning(absorbed, words):
