@@ -142,11 +142,21 @@ class CornerSolver:
         self._hiding = hiding(self.scene, base.blockers) & base.trace
 
     def boxes(self) -> tuple[Boxes, Boxes]:
-        """A mesh, and one with twice its size; see `_quartered`."""
+        """A mesh, and one with elements of twice its size; see `_quartered`.
+
+        Patches that one element would do get four, where these are not too many: otherwise both
+        meshes would be the same there, and their difference said nothing.
+        """
         counts, two_sided = self.budget.divisions, self.scene.two_sided
         half = (counts + 1) // 2
-        whole = np.where(counts > 1, 2 * half, 1)
-        return Boxes.regular(whole, two_sided), Boxes.regular(half, two_sided)
+        coarse, fine = Boxes.regular(half, two_sided), Boxes.regular(2 * half, two_sided)
+        if len(fine) > self.budget.elements_at_most:
+            fine = Boxes.regular(np.where(counts > 1, 2 * half, 1), two_sided)
+            self.stages.warnings.append(
+                f"method nn93: {int((counts == 1).all(axis=1).sum())} patches are one element on "
+                "both meshes that are compared; stated errors lack theirs"
+            )
+        return fine, coarse
 
     def solve(self, boxes: Boxes, *, adapt: bool) -> CornerField:
         """Solve on ``boxes``; with ``adapt``, quartered where the light of lamps changes."""
@@ -154,10 +164,11 @@ class CornerSolver:
         with self.stages.run("elements"):
             elements = base.mesher.elements(self.budget, boxes)
             surfaces = Surfaces.of(self.scene, elements, base.bands)
-        if adapt and base.lamp_groups:
+        if adapt:
             with self.stages.run("elements"):
-                finer = base.mesher.balanced(self._quartered(boxes, surfaces), self.budget)
+                finer = self._quartered(boxes, surfaces) if base.lamp_groups else boxes
                 self.stages.count({"elements_added": len(finer) - len(boxes)})
+                finer = base.mesher.balanced(finer, self.budget)
                 elements = base.mesher.elements(self.budget, finer)
                 surfaces = Surfaces.of(self.scene, elements, base.bands)
         vertices = Vertices.of_elements(self.scene, elements)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from .errors import InputError
-from .field import FieldSolver
+from .field import Field, FieldSolver
 from .iterated import as_it_is
 from .mesh import Boxes
 from .mesh_error import MeshError
@@ -34,6 +34,8 @@ class Nn93Simulation(Simulation):
     """One run by the method of 1993."""
 
     method, basis = "nn93", "corners"
+    #: Unknowns of the mesh that is taken.
+    _corners = 0
 
     def __init__(
         self,
@@ -65,6 +67,7 @@ class Nn93Simulation(Simulation):
         # safe side.
         rough = corners.solve(coarse, adapt=False)
         field = corners.as_field(found)
+        self._corners = len(found.vertices)
         finer = replace(as_it_is(field), shift=_difference(found, rough, coarse))
         balance = self._balance(field, finer, solver)
         error = MeshError(0.0, 0.0)
@@ -84,6 +87,10 @@ class Nn93Simulation(Simulation):
             sensors[grid.name] = self._sensor_result(k, light, shift)
             without_mesh[grid.name] = self._sensor_result(k, light, np.zeros(len(grid)))
         return Solved(field, finer, balance, error, sensors, without_mesh)
+
+    def _count(self, field: Field) -> None:
+        super()._count(field)
+        self.stages.counters["unknowns"] = self._corners  # nodes only hand them on
 
 
 def _difference(found: CornerField, rough: CornerField, coarse: Boxes) -> FloatArray:
