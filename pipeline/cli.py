@@ -283,11 +283,9 @@ def _check_pdf(wanted: bool) -> None:
 
 def _report(done, *, as_json: bool = False, check: bool = False) -> int:  # type: ignore[no-untyped-def]
     """Print the results of a run; return the exit code."""
-    from .printing import accuracy_message, result_json, result_text
+    from .printing import result_json, result_text
 
     print(result_json(done) if as_json else result_text(done))
-    if not done.result.converged:
-        print(accuracy_message(done.result), file=sys.stderr)
     if check:
         from patchlight.reports import evaluate_requirements
 

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from patchlight.solver.effort import check_effort
 from patchlight.solver.errors import InputError, MissingFileError
 from patchlight.solver.model import Result
 from patchlight.solver.numba_cache import use_cache_folder
 
 from .output import prepare_output
 from .scene import Scene
-from .simulation import check_effort, simulate, with_requirements
+from .simulation import simulate, with_requirements
 
 if TYPE_CHECKING:
     from .scene_schema import SceneFile

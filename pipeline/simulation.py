@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from patchlight.solver.errors import InputError
+from patchlight.solver.effort import check_effort
 from patchlight.solver.model import Result, SceneData
 
 from .scene import Scene
@@ -102,14 +101,6 @@ def forget() -> None:
     from patchlight.solver.reuse import forget as forget_runs
 
     forget_runs()
-
-
-def check_effort(accuracy: float | None, threads: int | None) -> None:
-    """Raise `InputError` unless accuracy and number of threads can be meant; None is fine."""
-    if accuracy is not None and not (math.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
-        raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
-    if threads is not None and threads < 1:
-        raise InputError(f"threads = {threads}: must be at least 1")
 
 
 def with_requirements(result: Result, scene: Scene) -> Result:

@@ -128,7 +128,7 @@ def judge(item: BatchItem, code: int, out: str, err: str) -> None:
     elif item.status == "requirement failed":
         item.message = "a requirement failed"
     else:
-        item.message = said[-1] if said else f"exit code {code}"
+        item.message = said[-1].removeprefix("warning: ") if said else f"exit code {code}"
 
 
 def _signal_name(number: int) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from .budget import BASES, Budget, most_varying, scene_bytes
 from .containment import Containment
+from .effort import check_effort
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
 from .field import Field, FieldSolver
@@ -20,6 +21,7 @@ from .memory import check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
 from .model.arrays import FloatArray
+from .model.reached import accuracies_reached, accuracy_message
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .reuse import STORE, Kept, Mesh, forget
@@ -99,8 +101,7 @@ def solve(
     OutOfMemoryError
         If the form factors of the elements would not fit into the memory that is free.
     """
-    if not (np.isfinite(accuracy) and 1e-6 <= accuracy <= 0.5):
-        raise InputError(f"accuracy = {accuracy}: must lie between 1e-6 and 0.5")
+    check_effort(accuracy, threads)
     if visibility not in ("auto", "none"):
         raise InputError(f"visibility = {visibility!r}: auto or none")
     if method not in METHODS:
@@ -243,6 +244,8 @@ class Simulation:
         self._warn_dark(sensors, light.luminous())
         stages.warnings.extend(ledger_warning(solved.balance))
         converged = self._converged(sensors)
+        if not converged:
+            stages.warnings.append(accuracy_message(sensors, self.budget.accuracy))
         self._keep_mesh(solver, kept, solved, converged=converged)
         on_elements = solved.error.of(light, doubt_on(field, finer))
         return Result(
@@ -479,14 +482,7 @@ class Simulation:
 
     def _converged(self, sensors: dict[str, SensorResult]) -> bool:
         """Whether the estimated error is within the accuracy asked at 95 % of the sensors."""
-        for grid in sensors.values():
-            mean = grid.mean(grid.illuminance_lx)
-            floor = np.maximum(grid.illuminance_lx, 0.01 * mean)
-            if mean > 0.0:
-                relative = np.sort(grid.error_lx / floor)
-                if relative[int(0.95 * (len(relative) - 1))] > self.budget.accuracy:
-                    return False
-        return True
+        return all(e <= self.budget.accuracy for e in accuracies_reached(sensors).values())
 
 
 def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from .result import Result, SensorResult
 
@@ -46,16 +48,15 @@ def grid_text(grid: SensorResult) -> str:
     if not len(grid.illuminance_lx) or not float(grid.area_m2.sum()) > 0.0:
         return count
     mean, error = grid.mean(grid.illuminance_lx), grid.mean(grid.error_lx)
-    low, high = float(grid.illuminance_lx.min()), float(grid.illuminance_lx.max())
-    values = f"E_avg {_lux(mean)} ± {_lux(error, 2)} lx, {_lux(low)} to {_lux(high)} lx"
-    return f"{count}, {values}"
+    low, high = (lux_text(float(f(grid.illuminance_lx))) for f in (np.min, np.max))
+    return f"{count}, E_avg {lux_text(mean)} ± {lux_text(error, 2)} lx, {low} to {high} lx"
 
 
 def _many(count: int, one: str, more: str = "") -> str:
     return f"{count} {one if count == 1 else more or one + 's'}"
 
 
-def _lux(value: float, digits: int = 4) -> str:
+def lux_text(value: float, digits: int = 4) -> str:
     """``digits`` significant digits without exponent for what illuminances can be."""
     if not math.isfinite(value) or value == 0.0 or abs(value) < 1e-4:
         return f"{value:.{digits}g}"
