@@ -115,6 +115,7 @@ class DirectLight:
             if len(doubted):
                 hits = self._caster.first_hit(start[doubted], way[doubted], t_max=REACHED)
                 own = self.blockers.solid[hits.patch] == self._solid[lamp[doubted]]
+                own &= hits.patch >= 0  # undecided: it stays hidden
                 hidden[doubted[own]] = False
             factors[row[hidden], lamp[hidden]] = 0.0
         share = np.clip(factors, 1e-12, 1.0 - 1e-6)

@@ -325,10 +325,13 @@ class Kept:
         return np.concatenate([products(factors[k : k + BLOCK], light) for k in blocks])
 
     def tell(self) -> None:
-        """Say among the stages skipped which were as in a run before."""
+        """Say which stages were as in a run before: they are skipped, not run."""
+        seconds = self.stages.seconds
         for name in ("form factors", "iterated gather"):
             if self.hits.get(name, [0, 1])[1] == 0:
                 self.stages.skipped[name] = "as in an earlier run: same surfaces, same mesh"
+                # What is left of it is the time of finding out.
+                seconds["reuse"] = seconds.get("reuse", 0.0) + seconds.pop(name, 0.0)
 
     def of_parts(self, name: str, of: tuple[Any, ...]) -> Any:
         """What was kept last for the same parts, wherever they stood; None where nothing was."""

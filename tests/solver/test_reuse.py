@@ -90,6 +90,7 @@ def test_the_same_scene_again_gives_the_same_bits_without_form_factors():
     assert pairs_found(first) > 0 and pairs_found(again) == 0
     assert again.counters["rows_reused"] >= len(PLANE) + first.counters["unknowns"]
     assert "earlier run" in again.skipped["form factors"]
+    assert not again.skipped.keys() & again.stages.keys()
     assert again.settings["mesh_of_earlier_run"] and not first.settings["mesh_of_earlier_run"]
 
 
