@@ -1,4 +1,4 @@
-"""Importers: STEP and CadQuery models as exact patches, and photometric files.
+"""Importers: STEP and CadQuery models as exact patches, photometric files, weather files.
 
 Importing this loads no CAD kernel.
 """
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .photometry import read_photometry
     from .selection import cad_face, select_faces
     from .step import read_step
+    from .weather import read_weather
 
 __all__ = [
     "cad_face",
@@ -22,6 +23,7 @@ __all__ = [
     "inspection",
     "read_photometry",
     "read_step",
+    "read_weather",
     "select_faces",
 ]
 
@@ -31,6 +33,7 @@ _HOME = {
     "inspection": ".describe",
     "read_photometry": ".photometry",
     "read_step": ".step",
+    "read_weather": ".weather",
     "select_faces": ".selection",
 }
 

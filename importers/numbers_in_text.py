@@ -12,8 +12,8 @@ from patchlight.solver.errors import InputError, MissingFileError
 MAX_BYTES = 32_000_000
 
 
-def read_text(path: Path) -> tuple[str, bytes]:
-    """Text of a file in UTF-8 or, failing that, Windows-1252, and its bytes.
+def read_text(path: Path, most: int = MAX_BYTES) -> tuple[str, bytes]:
+    """Text of a file of ``most`` bytes in UTF-8 or, failing that, Windows-1252, and its bytes.
 
     Raises
     ------
@@ -24,13 +24,13 @@ def read_text(path: Path) -> tuple[str, bytes]:
     """
     try:
         with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+            raw = file.read(most + 1)
     except FileNotFoundError:
         raise MissingFileError(f"{path}: no such file") from None
     except OSError as error:
         raise MissingFileError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(raw) > MAX_BYTES:
-        raise InputError(f"{path}: larger than {MAX_BYTES} bytes; no photometric file is")
+    if len(raw) > most:
+        raise InputError(f"{path}: larger than {most} bytes: no file of this kind is")
     if b"\0" in raw:
         raise InputError(f"{path}: byte {raw.index(0)} is 0: this is no text file")
     try:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from patchlight.solver.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from patchlight.importers import from_cadquery, read_photometry, read_step
+    from patchlight.importers import from_cadquery, read_photometry, read_step, read_weather
     from patchlight.reports import write_report
     from patchlight.solver.model import (
         Air,
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         Sensors,
         Site,
         Sun,
+        Weather,
     )
 
     from .batch_items import BatchItem
@@ -48,6 +49,7 @@ _HOME = {
     "BatchItem": ".batch_items",
     "read_photometry": "patchlight.importers",
     "read_step": "patchlight.importers",
+    "read_weather": "patchlight.importers",
     "from_cadquery": "patchlight.importers",
     "write_report": "patchlight.reports",
 } | dict.fromkeys(
@@ -67,6 +69,7 @@ _HOME = {
         "Sensors",
         "Site",
         "Sun",
+        "Weather",
     ),
     "patchlight.solver.model",
 )
@@ -90,12 +93,14 @@ __all__ = [
     "Sensors",
     "Site",
     "Sun",
+    "Weather",
     "batch",
     "forget",
     "from_cadquery",
     "load_scene",
     "read_photometry",
     "read_step",
+    "read_weather",
     "simulate",
     "write_report",
 ]

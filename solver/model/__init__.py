@@ -10,6 +10,7 @@ from .result import Balance, CameraImage, Result, SensorResult, SurfaceResult
 from .scene import BLACK, Luminaire, SceneData, SceneFace, ScenePart, Source
 from .sky import CIESky, Ground, Site, Sun
 from .views import Camera, Sensors
+from .weather import Weather
 
 __all__ = [
     "BLACK",
@@ -41,5 +42,6 @@ __all__ = [
     "Source",
     "Sun",
     "SurfaceResult",
+    "Weather",
     "Web",
 ]
