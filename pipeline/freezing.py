@@ -11,7 +11,6 @@ from patchlight.solver.errors import GeometryError, InputError
 from patchlight.solver.model import (
     BLACK,
     Camera,
-    CIESky,
     Emitter,
     Ground,
     Luminaire,
@@ -19,6 +18,7 @@ from patchlight.solver.model import (
     SceneData,
     SceneFace,
     ScenePart,
+    Sky,
     Source,
     Sun,
     Web,
@@ -217,7 +217,7 @@ def _ground(scene: Scene) -> Ground | None:
     return Ground(0.2) if scene.sky is not None or scene.sun is not None else None
 
 
-def check_sun(sky: CIESky | None, sun: Sun | None) -> None:
+def check_sun(sky: Sky | None, sun: Sun | None) -> None:
     """Raise `InputError` where the sky brightens towards another sun."""
     if sky is None or sun is None or sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None:
         return

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from patchlight.solver.errors import InputError
-from patchlight.solver.model import CIESky, Sun
+from patchlight.solver.model import Sky, Sun
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +37,11 @@ class Requirement:
                 f"{name}: min = {self.min:g} lies above max = {self.max:g}: nothing can meet both"
             )
 
-    def problem(self, grids: Collection[str], sky: CIESky | None, sun: Sun | None) -> str:
+    def problem(self, grids: Collection[str], sky: Sky | None, sun: Sun | None) -> str:
         """Why a scene with these grids and this light has no such value; empty when it has."""
         if self.sensors not in grids:
             return f"requirement on {unknown_grid(self.sensors, grids)}"
-        daylight = sky is not None and sky.type in (1, 16) and sun is None
+        daylight = sky is not None and sky.of_daylight_factors and sun is None
         if self.metric.startswith("DF_") and not daylight:
             return (
                 f"requirement on {self.sensors!r} {self.metric}: daylight factors need an overcast "

@@ -20,9 +20,11 @@ from patchlight.solver.model import (
     Material,
     Model,
     PatchSet,
+    PerezSky,
     SceneData,
     Sensors,
     Site,
+    Sky,
     Sun,
 )
 from patchlight.solver.model.arrays import FloatArray
@@ -159,7 +161,7 @@ class Scene:
         self.assignments: list[Assignment] = []
         self.requirements: list[Requirement] = []
         self.notes: list[str] = []
-        self._sky: CIESky | None = None
+        self._sky: Sky | None = None
         self._sun: Sun | None = None
         self._ground: Ground | None = None
         if model is not None:
@@ -168,13 +170,13 @@ class Scene:
     # --- light from outside -------------------------------------------------------------------
 
     @property
-    def sky(self) -> CIESky | None:
+    def sky(self) -> Sky | None:
         """Sky, filling z > 0."""
         return self._sky
 
     @sky.setter
-    def sky(self, value: CIESky | None) -> None:
-        self._sky = _checked("sky", value, CIESky)
+    def sky(self, value: Sky | None) -> None:
+        self._sky = _checked("sky", value, CIESky, PerezSky)
 
     @property
     def sun(self) -> Sun | None:
@@ -377,9 +379,10 @@ class Scene:
         return frozen_scene(self)
 
 
-def _checked(name: str, value: Any, kind: type) -> Any:
-    if value is not None and not isinstance(value, kind):
-        raise InputError(f"Scene.{name} = {value!r}: expected a {kind.__name__}")
+def _checked(name: str, value: Any, *kinds: type) -> Any:
+    if value is not None and not isinstance(value, kinds):
+        names = " or ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"Scene.{name} = {value!r}: expected a {names}")
     return value
 
 

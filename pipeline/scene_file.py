@@ -179,7 +179,8 @@ def _light_problems(values: dict[str, Any], grids: list[str]) -> list[str]:
     from pydantic import ValidationError
 
     from .freezing import check_sun
-    from .scene_schema import RequirementTable, SkyTable, SunTable
+    from .light_tables import SkyTable, SunTable
+    from .scene_schema import RequirementTable
 
     sun = sky = None
     if values.get("sun") is not None:
@@ -196,12 +197,16 @@ def _light_problems(values: dict[str, Any], grids: list[str]) -> list[str]:
     except PatchlightError as error:
         return [f"sky: {error}"]
     problems = []
+    try:
+        lit_by = None if sun is None else sun.build_with(sky)
+    except PatchlightError as error:
+        return [f"sun: {error}"]
     for k, table in enumerate(_tables(values, "requirements")):
         try:
             asked = RequirementTable.model_validate(table).build()
         except ValidationError:
             continue  # reported with its key
-        lit = asked.problem([asked.sensors, *grids], sky, None if sun is None else sun.build())
+        lit = asked.problem([asked.sensors, *grids], sky, lit_by)
         if lit:
             problems.append(f"requirements[{k}]: {lit}")
     return problems
@@ -262,7 +267,7 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
                     color=assign.color,
                 )
     scene.sky = None if file.sky is None else file.sky.build_with(file.sun)
-    scene.sun = None if file.sun is None else file.sun.build()
+    scene.sun = None if file.sun is None else file.sun.build_with(scene.sky)
     scene.ground = None if file.ground is None else file.ground.build()
     for k, grid in enumerate(file.sensors):
         with problems.under(f"sensors[{k}]"):

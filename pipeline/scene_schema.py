@@ -2,63 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from patchlight.solver.errors import PatchlightError
 from patchlight.solver.model import (
     Air,
     Camera,
-    CIESky,
     Emitter,
     Glass,
-    Ground,
     Material,
     Site,
-    Sun,
 )
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, model_validator
+from pydantic import Field, StrictBool
 
 from .assigning import srgb8
 from .grids import SensorGrid
+from .light_tables import GroundTable, SkyTable, SunTable
 from .requirements import Requirement
 from .scene import COLORS
+from .scene_table import Number, Table, Text
 
-
-def _finite(value: float) -> float:
-    if not math.isfinite(value):
-        raise ValueError(f"{value}: must be a finite number")
-    return value
-
-
-Number = Annotated[float, Field(strict=True), AfterValidator(_finite)]
 Triple = tuple[Number, Number, Number]
-Text = Annotated[str, Field(min_length=1)]
 Reflectance = Number | Triple
 ProfileValues = list[Number] | list[list[Number]] | list[list[list[Number]]]
-
-
-class Table(BaseModel):
-    """Base of all tables."""
-
-    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
-
-    @model_validator(mode="after")
-    def _build_once(self) -> Table:
-        """Make what the table describes, so that its own checks run with all others."""
-        try:
-            self.build()
-        except PatchlightError as error:
-            raise ValueError(str(error)) from None
-        return self
-
-    def build(self) -> Any:
-        """What the table describes."""
-        return None
-
-    def given(self) -> dict[str, Any]:
-        """Values that are not None, by key."""
-        return {k: v for k in type(self).model_fields if (v := getattr(self, k)) is not None}
 
 
 class SiteTable(Table):
@@ -211,58 +176,6 @@ class AssignTable(Table):
         if self.color is not None:
             srgb8(self.color, f"assign {self.parts!r}")
         return things
-
-
-class SkyTable(Table):
-    """Sky of CIE S 011 (types 1 to 15) or the traditional overcast sky (16)."""
-
-    model: Literal["cie"] = "cie"
-    type: Annotated[int, Field(strict=True)] | Text = 16
-    sun_altitude_deg: Number | None = None
-    """Taken from [sun] when not given. [deg]"""
-    sun_azimuth_deg: Number | None = None
-    diffuse_illuminance_lx: Number | None = None
-    """Horizontal illuminance of the sky alone; 10 000 lx when no level is given. [lx]"""
-    zenith_luminance_cd_m2: Number | None = None
-    cct_k: Number = 6500.0
-
-    def build(self) -> None:
-        """Nothing yet: the position of the sun may stand in [sun]."""
-
-    def build_with(self, sun: SunTable | None) -> CIESky:
-        """The sky, with the sun's position of ``sun`` where it has none."""
-        values = {k: v for k, v in self.given().items() if k != "model"}
-        if sun is not None and self.sun_altitude_deg is None and self.sun_azimuth_deg is None:
-            values["sun_altitude_deg"] = min(90.0, max(0.0, sun.altitude_deg))
-            values["sun_azimuth_deg"] = sun.azimuth_deg
-        return CIESky(**values)
-
-
-class SunTable(Table):
-    """Disc of the sun."""
-
-    altitude_deg: Number
-    azimuth_deg: Number
-    """Clockwise from north. [deg]"""
-    normal_illuminance_lx: Number
-    angular_radius_arcmin: Number = 16.0
-    cct_k: Number = 5500.0
-
-    def build(self) -> Sun:
-        """The sun."""
-        return Sun(**self.given())
-
-
-class GroundTable(Table):
-    """Uniform lower hemisphere."""
-
-    reflectance: Number = 0.2
-    modelled: StrictBool = False
-    """The terrain is part of the model: no light comes from below the horizon."""
-
-    def build(self) -> Ground:
-        """The ground."""
-        return Ground(None if self.modelled else self.reflectance)
 
 
 class SensorsTable(Table):

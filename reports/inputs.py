@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from patchlight.solver.model import CIESky, Luminaire, SceneData
+from patchlight.solver.model import Luminaire, PerezSky, SceneData, Sky
 from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
+from patchlight.solver.skies import horizontal_illuminance
 
 from . import formats as f
 
@@ -33,10 +34,18 @@ SKY_TYPES = {
 }
 
 
-def sky_text(sky: CIESky | None) -> str:
+def sky_text(sky: Sky | None) -> str:
     """Sky model and its absolute level."""
     if sky is None:
         return "none"
+    if isinstance(sky, PerezSky):
+        return (
+            f"all-weather sky of Perez 1993; {f.number(sky.direct_normal_w_m2)} W/m² direct normal "
+            f"and {f.number(sky.diffuse_horizontal_w_m2)} W/m² diffuse horizontal, "
+            f"{f.number(horizontal_illuminance(sky))} lx of these; dew point "
+            f"{f.number(sky.dew_point_c)} °C; sun at "
+            f"{_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}; {f.number(sky.cct_k, 4)} K"
+        )
     number = int(sky.type)
     text = f"CIE type {number}, {SKY_TYPES[number]}"
     if sky.diffuse_illuminance_lx is not None:

@@ -17,7 +17,7 @@ from .kernels.dome import dome_rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.shapes import arc, frame
-from .model.sky import CIESky, Sun, direction
+from .model.sky import Sky, Sun, direction
 from .skies import sky_tone
 from .topology import writable
 
@@ -114,7 +114,7 @@ def gather(
     normals: FloatArray,
     weights: FloatArray,
     cells: FloatArray,
-    luminance: CIESky | float,
+    luminance: Sky | float,
     blockers: Blockers,
     *,
     eps: float,
@@ -133,7 +133,7 @@ def gather(
         Share of each node, rows summing to 1; 0 where no light falls.
     cells : (c, 4, 4, 4) array
         From `dome_cells` or `sun_cells`.
-    luminance : CIESky or float
+    luminance : Sky or float
         Distribution over the cells, or one luminance. [cd/m²]
     blockers : Blockers
         What hides the source.
@@ -145,7 +145,7 @@ def gather(
     NumericsError
         If a value is not finite.
     """
-    if isinstance(luminance, CIESky):
+    if isinstance(luminance, Sky):
         tone, level = sky_tone(luminance), 1.0
     else:
         tone, level = np.empty(0), float(luminance)

@@ -10,7 +10,7 @@ from .budget import Budget
 from .dome import dome_cells, sun_cells
 from .model.arrays import FloatArray
 from .model.scene import SceneData
-from .model.sky import CIESky
+from .model.sky import Sky
 from .skies import ground_luminance, sun_luminance
 from .spectra import cct_to_rgb
 
@@ -24,7 +24,7 @@ class DomeJob(NamedTuple):
         ``"sky"``, ``"sun"`` or ``"ground"``.
     cells : (c, 4, 4, 4) array
         Where it is.
-    luminance : CIESky or float
+    luminance : Sky or float
         Its luminance. [cd/m²]
     cell_eps : float
         Form factor below which partly hidden cells are sampled.
@@ -34,7 +34,7 @@ class DomeJob(NamedTuple):
 
     name: str
     cells: FloatArray
-    luminance: CIESky | float
+    luminance: Sky | float
     cell_eps: float
     color: FloatArray
 

@@ -22,7 +22,7 @@ from .kernels.threads import count_threads
 from .memory import DOUBLE_BYTES, ROW_BYTES, check_matrix
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.elements import Elements
-from .model.sky import CIESky
+from .model.sky import CIESky, Sky
 from .packed import PackedMatrix
 from .quadrics import fit_quadrics, turned
 from .skies import sky_tone
@@ -232,7 +232,7 @@ def form_factor_matrix(
     levels: int = LEVELS,
     own: IntArray | None = None,
     lifts: FloatArray | None = None,
-    sky: CIESky | None = None,
+    sky: Sky | None = None,
     single: bool = False,
     first: int = 0,
     progress: Callable[[int, int], None] | None = None,
@@ -259,7 +259,7 @@ def form_factor_matrix(
         Element each receiver lies on, −1 in the open.
     lifts : (m,) array, optional
         How far the facets may lie before the surface a receiver is on. [m]
-    sky : CIESky, optional
+    sky : Sky, optional
         What is seen where the meridians meet nothing.
     single : bool
         Whether the factors are kept in single precision, to `ROUNDING` of each: 8 bytes a pair

@@ -14,7 +14,7 @@ from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
-from .model.sky import CIESky, Sun
+from .model.sky import Sky, Sun
 from .outside_light import Horizon, OutsideLight
 from .pane_dome import Daylight
 from .pane_field import PaneField
@@ -196,7 +196,7 @@ class Incidence:
             self._add_through_panes(light, receivers, budget, scanned is not None)
             return light
         scene, stages = self.scene, self.stages
-        jobs: list[tuple[str, CIESky | float, float]] = []
+        jobs: list[tuple[str, Sky | float, float]] = []
         if scene.sky is not None:
             jobs.append(("sky", scene.sky, scene.sky.cct_k))
         if scene.sun is not None:
@@ -213,7 +213,7 @@ class Incidence:
             color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
             if scanned is not None and name != "sun":
                 column, spread = (0, 3) if name == "sky" else (2, 4)
-                brightness = np.pi * (1.0 if isinstance(luminance, CIESky) else luminance)
+                brightness = np.pi * (1.0 if isinstance(luminance, Sky) else luminance)
                 light.direct[name] = brightness * scanned[:, column, None] * color
                 light.variance += brightness**2 * scanned[:, spread]
                 continue

@@ -13,7 +13,7 @@ from .mirrors import Mirrors, Reflections
 from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
-from .model.sky import CIESky
+from .model.sky import Sky
 from .reuse import Kept
 from .row_finder import Ask
 from .surfaces import Surfaces
@@ -113,7 +113,7 @@ class MirrorLight(Mirrors):
             for job in jobs:
                 if job.name != "sun":
                     found, variance = seen.away[job.name]
-                    level = np.pi * (1.0 if isinstance(job.luminance, CIESky) else job.luminance)
+                    level = np.pi * (1.0 if isinstance(job.luminance, Sky) else job.luminance)
                     light.direct[job.name] = (
                         light.direct[job.name] + level * found[:, None] * job.color
                     )

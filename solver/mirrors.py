@@ -24,7 +24,7 @@ from .model.arrays import FloatArray, IntArray, frozen
 from .model.elements import Elements
 from .model.patches import PatchSet
 from .model.scene import SceneData
-from .model.sky import CIESky, Sun, direction
+from .model.sky import Sky, Sun, direction
 from .panes import make_panes
 from .raycast import RayCaster
 from .row_finder import FINE_SHARE, Ask
@@ -351,7 +351,7 @@ class Mirrors:
         receivers: Receivers,
         surfaces: Surfaces,
         cells: FloatArray,
-        luminance: CIESky | float,
+        luminance: Sky | float,
         *,
         sun: Sun | None = None,
         **how: Any,

@@ -14,7 +14,7 @@ from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.sky_sweep import sweep_rows
 from .model.arrays import FloatArray, IntArray
-from .model.sky import CIESky
+from .model.sky import Sky
 from .skies import sky_tone
 from .surfaces import Receivers
 from .topology import writable
@@ -66,7 +66,7 @@ class Horizon:
     def light(
         self,
         receivers: Receivers,
-        sky: CIESky | None,
+        sky: Sky | None,
         *,
         ground: bool = True,
         eps: float,
@@ -79,7 +79,7 @@ class Horizon:
         ----------
         receivers : Receivers
             Their nodes and normals.
-        sky : CIESky or None
+        sky : Sky or None
             The sky; with None its luminance is 1. [cd/m²]
         ground : bool
             Whether the ground is asked for, too.
@@ -146,7 +146,7 @@ class Horizon:
         self,
         light: DomeLight,
         cells: FloatArray,
-        luminance: CIESky | float,
+        luminance: Sky | float,
         receivers: Receivers,
         left: NDArray[np.bool_],
         eps: float,

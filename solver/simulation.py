@@ -442,7 +442,7 @@ class Simulation:
     def _daylight_factor(self, components: dict[str, FloatArray]) -> FloatArray | None:
         """Share (m,) of the unobstructed sky's horizontal illuminance, under type 1 or 16 only."""
         sky = self.scene.sky
-        if sky is None or sky.type not in (1, 16) or self.scene.sun is not None:
+        if sky is None or not sky.of_daylight_factors or self.scene.sun is not None:
             return None
         daylight = [
             values

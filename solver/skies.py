@@ -1,4 +1,4 @@
-"""Luminance of CIE skies, of the ground below them, and of the sun.
+"""Luminance of skies, of the ground below them, and of the sun.
 
 Types 1 to 15 are gradation times indicatrix [1], with Z the angle from the zenith and χ that from
 the sun:
@@ -25,7 +25,8 @@ from numpy.typing import ArrayLike
 
 from .model.arrays import FloatArray, frozen
 from .model.bezier import gauss_rule
-from .model.sky import CIESky, Ground, Sun, direction
+from .model.sky import CIESky, Ground, PerezSky, Sky, Sun, direction
+from .perez import sky_illuminance, sky_shape
 
 #: Gradation a, b and indicatrix c, d, e of types 1 to 15. [1, table 1]
 _TYPES = (
@@ -51,14 +52,14 @@ DEFAULT_DIFFUSE_ILLUMINANCE_LX = 10_000.0
 _ORDER = 64
 
 
-def sun_direction(sky: CIESky) -> tuple[float, float, float]:
+def sun_direction(sky: Sky) -> tuple[float, float, float]:
     """Unit vector towards the sun of the sky; the zenith for skies that do not depend on it."""
     if sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None:
         return (0.0, 0.0, 1.0)
     return direction(sky.sun_altitude_deg, sky.sun_azimuth_deg)
 
 
-def relative_luminance(sky: CIESky, directions: ArrayLike) -> FloatArray:
+def relative_luminance(sky: Sky, directions: ArrayLike) -> FloatArray:
     """Luminance over zenith luminance, L / L_z, in ``directions`` (..., 3): (...) array. [1]
 
     Directions need not be unit vectors. At and below the horizon the gradation is that of the
@@ -68,7 +69,7 @@ def relative_luminance(sky: CIESky, directions: ArrayLike) -> FloatArray:
     with np.errstate(invalid="ignore", divide="ignore"):
         d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     z = np.maximum(d[..., 2], 0.0)
-    if sky.type == 16:
+    if _is_traditional(sky):
         return np.asarray((1.0 + 2.0 * z) / 3.0)
     s = np.array(sun_direction(sky))
     angle = np.arctan2(np.linalg.norm(np.cross(s, d), axis=-1), d @ s)
@@ -80,27 +81,36 @@ def relative_luminance(sky: CIESky, directions: ArrayLike) -> FloatArray:
     )
 
 
-def _gradation(sky: CIESky, z: FloatArray) -> FloatArray:
+def _is_traditional(sky: Sky) -> bool:
+    return isinstance(sky, CIESky) and sky.type == 16
+
+
+def _shape(sky: Sky) -> tuple[float, float, float, float, float]:
+    """a, b, c, d, e; not of type 16."""
+    return sky_shape(sky) if isinstance(sky, PerezSky) else _TYPES[int(sky.type) - 1]
+
+
+def _gradation(sky: Sky, z: FloatArray) -> FloatArray:
     """φ as a function of z = cos Z; 1 at the horizon. [1, eq. 3, 4]"""
-    a, b = _TYPES[int(sky.type) - 1][:2]
+    a, b = _shape(sky)[:2]
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 + a * np.exp(b / z))
 
 
-def _indicatrix(sky: CIESky, angle: FloatArray) -> FloatArray:
+def _indicatrix(sky: Sky, angle: FloatArray) -> FloatArray:
     """f as a function of the angle from the sun. [1, eq. 5]"""
-    c, d, e = _TYPES[int(sky.type) - 1][2:]
+    c, d, e = _shape(sky)[2:]
     glow = np.exp(d * angle) - math.exp(0.5 * d * math.pi)
     return np.asarray(1.0 + c * glow + e * np.cos(angle) ** 2)
 
 
-def diffuse_to_zenith_ratio(sky: CIESky) -> float:
+def diffuse_to_zenith_ratio(sky: Sky) -> float:
     """Horizontal illuminance over zenith luminance, ∫ (L / L_z) cos Z dω. [sr]
 
     Integrated in polar coordinates about the sun, where the indicatrix depends on one variable and
     its cusp lies at the end of an interval.
     """
-    if sky.type == 16:
+    if _is_traditional(sky):
         return 7.0 * math.pi / 9.0
     x, w = gauss_rule(_ORDER)
     if not sky.needs_sun:
@@ -128,27 +138,26 @@ def diffuse_to_zenith_ratio(sky: CIESky) -> float:
     return float(total / zenith)
 
 
-def zenith_luminance(sky: CIESky) -> float:
-    """Zenith luminance L_z: as given, or from the diffuse illuminance asked for. [cd/m²]"""
-    if sky.zenith_luminance_cd_m2 is not None:
+def zenith_luminance(sky: Sky) -> float:
+    """Zenith luminance L_z: as given, or from the diffuse illuminance. [cd/m²]"""
+    if isinstance(sky, CIESky) and sky.zenith_luminance_cd_m2 is not None:
         return float(sky.zenith_luminance_cd_m2)
-    level = sky.diffuse_illuminance_lx
-    if level is None:
-        level = DEFAULT_DIFFUSE_ILLUMINANCE_LX
-    return float(level / diffuse_to_zenith_ratio(sky))
+    return float(horizontal_illuminance(sky) / diffuse_to_zenith_ratio(sky))
 
 
-def luminance(sky: CIESky, directions: ArrayLike) -> FloatArray:
+def luminance(sky: Sky, directions: ArrayLike) -> FloatArray:
     """Luminance in ``directions`` (..., 3): (...) array; see `relative_luminance`. [cd/m²]"""
     return zenith_luminance(sky) * relative_luminance(sky, directions)
 
 
-def horizontal_illuminance(sky: CIESky) -> float:
+def horizontal_illuminance(sky: Sky) -> float:
     """Illuminance of the unobstructed sky, without the sun, on a horizontal plane. [lx]"""
-    if sky.zenith_luminance_cd_m2 is None:
-        level = sky.diffuse_illuminance_lx
-        return DEFAULT_DIFFUSE_ILLUMINANCE_LX if level is None else float(level)
-    return float(sky.zenith_luminance_cd_m2 * diffuse_to_zenith_ratio(sky))
+    if isinstance(sky, PerezSky):
+        return sky_illuminance(sky)
+    if sky.zenith_luminance_cd_m2 is not None:
+        return float(sky.zenith_luminance_cd_m2 * diffuse_to_zenith_ratio(sky))
+    level = sky.diffuse_illuminance_lx
+    return DEFAULT_DIFFUSE_ILLUMINANCE_LX if level is None else float(level)
 
 
 def sun_luminance(sun: Sun) -> float:
@@ -181,7 +190,7 @@ def sun_horizontal_illuminance(sun: Sun) -> float:
     return sun.normal_illuminance_lx * max(factor, 0.0) * h * h
 
 
-def ground_luminance(ground: Ground | None, sky: CIESky | None, sun: Sun | None) -> float:
+def ground_luminance(ground: Ground | None, sky: Sky | None, sun: Sun | None) -> float:
     """Luminance ρ (E_sky + E_sun) / π of the uniform ground; 0 where it is modelled. [cd/m²]"""
     if ground is None or ground.reflectance is None:
         return 0.0
@@ -191,20 +200,20 @@ def ground_luminance(ground: Ground | None, sky: CIESky | None, sun: Sun | None)
     return ground.reflectance * total / math.pi
 
 
-def sky_tone(sky: CIESky) -> FloatArray:
+def sky_tone(sky: Sky) -> FloatArray:
     """What kernels need of a sky (10,): `sky_parameters` and the direction of the sun."""
     return np.concatenate([sky_parameters(sky), sun_direction(sky)])
 
 
-def sky_parameters(sky: CIESky) -> FloatArray:
+def sky_parameters(sky: Sky) -> FloatArray:
     """Parameters of `kernels.sky_luminance.sky_luminance`: form, a, b, c, d, e, factor [cd/m²].
 
     The factor holds the level, so that the kernel returns cd/m².
     """
     level = zenith_luminance(sky)
-    if sky.type == 16:
+    if _is_traditional(sky):
         return frozen([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, level / 3.0])
     s = sun_direction(sky)
     at_zenith = math.acos(min(max(s[2], -1.0), 1.0))
     zenith = _gradation(sky, np.ones(1))[0] * _indicatrix(sky, np.array([at_zenith]))[0]
-    return frozen([0.0, *_TYPES[int(sky.type) - 1], level / zenith])
+    return frozen([0.0, *_shape(sky), level / zenith])

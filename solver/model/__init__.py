@@ -8,7 +8,7 @@ from .patches import PatchSet
 from .photometry import Photometry, Web
 from .result import Balance, CameraImage, Result, SensorResult, SurfaceResult
 from .scene import BLACK, Luminaire, SceneData, SceneFace, ScenePart, Source
-from .sky import CIESky, Ground, Site, Sun
+from .sky import CIESky, Ground, PerezSky, Site, Sky, Sun
 from .views import Camera, Sensors
 from .weather import Weather
 
@@ -31,6 +31,7 @@ __all__ = [
     "Model",
     "Part",
     "PatchSet",
+    "PerezSky",
     "Photometry",
     "Result",
     "SceneData",
@@ -39,6 +40,7 @@ __all__ = [
     "SensorResult",
     "Sensors",
     "Site",
+    "Sky",
     "Source",
     "Sun",
     "SurfaceResult",

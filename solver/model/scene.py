@@ -15,7 +15,7 @@ from .optics import Material
 from .patches import PatchSet
 from .photometry import Web
 from .profiles import Profile
-from .sky import CIESky, Ground, Site, Sun
+from .sky import Ground, Site, Sky, Sun
 from .views import Camera, Sensors
 
 #: Row of `SceneData.materials` that reflects nothing.
@@ -146,7 +146,7 @@ class SceneData:
     faces: tuple[SceneFace, ...]
     materials: tuple[Material, ...]
     luminaires: tuple[Luminaire, ...] = ()
-    sky: CIESky | None = None
+    sky: Sky | None = None
     sun: Sun | None = None
     ground: Ground | None = None
     site: Site | None = None

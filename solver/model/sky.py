@@ -76,6 +76,67 @@ class CIESky:
         """Whether the level is the default one and not a given one."""
         return self.diffuse_illuminance_lx is None and self.zenith_luminance_cd_m2 is None
 
+    @property
+    def of_daylight_factors(self) -> bool:
+        """Whether daylight factors are defined under it."""
+        return self.type in (1, 16)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PerezSky:
+    """All-weather sky of Perez et al. 1993 from irradiances; see `patchlight.solver.perez`.
+
+    Attributes
+    ----------
+    direct_normal_w_m2, diffuse_horizontal_w_m2 : float
+        Irradiance by the sun on a plane facing it, and by the sky on a level one. [W/m²]
+    sun_altitude_deg, sun_azimuth_deg : float
+        Position of the sun. [deg]
+    dew_point_c : float
+        Tells the water in the atmosphere, on which luminous efficacies depend. [°C]
+    sun_nearness : float
+        Square of the mean distance of the sun over its distance, 0.967 in July to 1.034 in January.
+    cct_k : float
+        Colour of the whole sky. [K]
+    """
+
+    direct_normal_w_m2: float
+    diffuse_horizontal_w_m2: float
+    sun_altitude_deg: float
+    sun_azimuth_deg: float
+    dew_point_c: float = 10.97
+    sun_nearness: float = 1.0
+    cct_k: float = 6500.0
+
+    def __post_init__(self) -> None:
+        _finite("PerezSky.direct_normal_w_m2", self.direct_normal_w_m2, 0.0, 1500.0)
+        _finite("PerezSky.diffuse_horizontal_w_m2", self.diffuse_horizontal_w_m2, 0.0, 1500.0)
+        _finite("PerezSky.sun_altitude_deg", self.sun_altitude_deg, 0.0, 90.0)
+        _finite("PerezSky.sun_azimuth_deg", self.sun_azimuth_deg, -360.0, 360.0)
+        _finite("PerezSky.dew_point_c", self.dew_point_c, -90.0, 40.0)
+        _finite("PerezSky.sun_nearness", self.sun_nearness, 0.96, 1.04)
+        if not 4000.0 <= self.cct_k <= 25000.0:
+            raise InputError(f"PerezSky.cct_k = {self.cct_k}: must lie between 4000 and 25000")
+
+    @property
+    def needs_sun(self) -> bool:
+        """Whether the luminance depends on the position of the sun."""
+        return True
+
+    @property
+    def relative(self) -> bool:
+        """Whether the level is the default one and not a given one."""
+        return False
+
+    @property
+    def of_daylight_factors(self) -> bool:
+        """Whether daylight factors are defined under it."""
+        return False
+
+
+#: Every distribution of luminance over the sky.
+Sky = CIESky | PerezSky
+
 
 @dataclass(frozen=True, slots=True)
 class Sun:

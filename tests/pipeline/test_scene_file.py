@@ -6,7 +6,7 @@ import json
 import tomllib
 
 import pytest
-from patchlight.pipeline import CIESky, Ground, Site, load_scene
+from patchlight.pipeline import CIESky, Ground, PerezSky, Site, load_scene
 from patchlight.pipeline.cli import main
 from patchlight.pipeline.scene_file import read_scene_file, resolved_config
 from patchlight.solver.errors import InputError, MissingFileError
@@ -266,6 +266,39 @@ def test_a_wrong_sky_is_one_problem(folder):
         load_scene(write(folder, text))
 
 
+PEREZ = "[sky]\nmodel = 'perez'\n"
+IRRADIANCES = "direct_normal_w_m2 = 700\ndiffuse_horizontal_w_m2 = 120\n"
+
+
+def test_an_all_weather_sky_tells_its_sun(folder):
+    """Illuminances as Perez's efficacies have them at 40 degrees: 69.8 klx, within its nearness."""
+    text = HEAD + PEREZ + IRRADIANCES + "[sun]\naltitude_deg = 40\nazimuth_deg = 170\n"
+    scene = load_scene(write(folder, text))
+    assert scene.sky == PerezSky(
+        direct_normal_w_m2=700,
+        diffuse_horizontal_w_m2=120,
+        sun_altitude_deg=40,
+        sun_azimuth_deg=170,
+    )
+    assert scene.sun is not None
+    assert scene.sun.normal_illuminance_lx == pytest.approx(69_762, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (PEREZ + IRRADIANCES, "sky: .*needs sun_altitude_deg, sun_azimuth_deg"),
+        (PEREZ + "sun_altitude_deg = 4\nsun_azimuth_deg = 0\n", "sky: .*needs direct_normal_w_m2"),
+        (PEREZ + IRRADIANCES + "type = 12\n", "sky: .*type: of model 'cie', not 'perez'"),
+        ("[sky]\ndew_point_c = 3.0\n", "sky: .*dew_point_c: of model 'perez', not 'cie'"),
+        ("[sun]\naltitude_deg = 40\nazimuth_deg = 170\n", "sun: give normal_illuminance_lx"),
+    ],
+)
+def test_keys_of_skies_that_do_not_fit(folder, text, said):
+    with pytest.raises(InputError, match=said):
+        read_scene_file(write(folder, HEAD + text))
+
+
 def test_the_sky_must_agree_with_the_sun(folder):
     text = HEAD + (
         "[sky]\ntype = 12\nsun_altitude_deg = 30\nsun_azimuth_deg = 180\n"
@@ -289,7 +322,7 @@ def test_misspelled_grids_of_requirements_get_a_hint(folder):
     [
         "daylight_factor = true",
         "[[state]]\nname = 'open'",
-        "[sky]\nmodel = 'perez'",
+        "[sky]\nmodel = 'patches'",
         "[[assign]]\nparts = 'desk'\nemitter = { flux_lm = 1, profile = 'a.txt' }",
         "[[sensors]]\nname = 'a'\nz_m = 1\nquantity = 'cylindrical'",
     ],
