@@ -40,12 +40,16 @@ from .radiosity import RadiositySystem
 from .renewed import renewed_rows
 from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
+from .shut_in import hide, shut_in
 from .sights import unsighted, with_sights
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
 from .topology import is_single
 from .unknowns import Unknowns
+
+#: Elements that no light reaches, if there are any.
+Hidden = NDArray[np.bool_] | None
 
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
@@ -83,8 +87,10 @@ class Field:
         Raw sums of those of the elements, before any correction.
     kept : (N,) array
         Sums of those of the unknowns.
-    sees_out : bool
-        Whether light can leave the scene.
+    sees_out, lamps_see_out : bool
+        Whether light can leave the scene, and whether that of lamps can on its first way.
+    hidden : (n,) bool array or None
+        Elements that no light reaches, if there are any.
     arriving : Gathered
         Light on the unknowns.
     sent : dict of (N, b) arrays
@@ -102,6 +108,8 @@ class Field:
     row_sums: FloatArray
     kept: FloatArray
     sees_out: bool
+    lamps_see_out: bool
+    hidden: Hidden
     arriving: Gathered
     sent: dict[str, FloatArray]
     fineness: Fineness
@@ -213,6 +221,7 @@ class FieldSolver:
             )
             every = self.panes.with_panes(sources, elements)
             rows: Rows
+            hidden, lamps = None, surfaces.lamp >= 0
             straight = not (self.panes.any or self.mirrors.any)
             if straight and is_packed(len(unknowns), len(elements)):
                 known = asked, surfaces, unknowns, self._sees_out, tell
@@ -220,26 +229,34 @@ class FieldSolver:
                 factors = rows.factors
             else:
 
-                def find() -> tuple[Rows, bool, FloatArray]:
+                def find() -> tuple[Rows, bool, FloatArray, Hidden]:
                     rows = self._factors.rows(asked, tell)
                     sees_out = self._sees_out(rows, unknowns.areas > 0.0)
-                    return rows, sees_out, self._factors.close(rows, 1.0, asked, outside=sees_out)
+                    hidden = self._shut_in(rows, unknowns, lamps)
+                    if hidden is not None:
+                        hide(rows, hidden)
+                    of = replace(asked, hidden=hidden)
+                    raw = self._factors.close(rows, 1.0, of, outside=sees_out)
+                    return rows, sees_out, raw, hidden
 
                 def renew(
-                    old: tuple[Rows, bool, FloatArray], changed: Changed
-                ) -> tuple[Rows, bool, FloatArray] | None:
+                    old: tuple[Rows, bool, FloatArray, Hidden], changed: Changed
+                ) -> tuple[Rows, bool, FloatArray, Hidden] | None:
                     now, out = self._renewed(old[0], asked, changed, tell), old[1]
                     if now is None or self._sees_out(now, unknowns.areas > 0.0) != out:
                         return None
+                    if old[3] is not None or self._shut_in(now, unknowns, lamps) is not None:
+                        return None  # what is moved may shut in more, or less
                     raw, at = old[2].copy(), np.flatnonzero(changed.again)
                     raw[at] = self._close_again(now, at, asked, 1.0, outside=out)
-                    return now, out, raw
+                    return now, out, raw, None
 
-                rows, sees_out, raw = self.kept.rows(
-                    "form factors", asked, (), find, self._under_sky, renew
+                rows, sees_out, raw, hidden = self.kept.rows(
+                    "form factors", asked, (lamps,), find, self._under_sky, renew
                 )
                 rows = self._through_panes(rows, asked, surfaces, mesh=unknowns.basis is None)
                 factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
+        lamps_see_out = sees_out and self._sees_out(rows, lamps[of] & (unknowns.areas > 0.0))
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
         if told and self.lamp_groups:
             with self.stages.run("direct light"):
@@ -273,6 +290,8 @@ class FieldSolver:
             row_sums=unknowns.mean(raw),
             kept=self.mirrors.kept(rows, mirrored, surfaces),
             sees_out=sees_out,
+            lamps_see_out=lamps_see_out,
+            hidden=hidden,
             arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
             sent=sent,
             fineness=fineness,
@@ -292,7 +311,7 @@ class FieldSolver:
 
     def _flux_of_lamps(self, field: Field) -> dict[str, FloatArray]:
         """What lamps (b,) send to the scene, by light group, where form factors alone tell. [lm]"""
-        if self.panes.any or self.mirrors.any or field.sees_out:
+        if self.panes.any or self.mirrors.any or field.lamps_see_out:
             return {}  # what share of it meets the scene is not known so well
         surfaces, scene = field.surfaces, self.scene
         kept = surfaces.areas * field.unknowns.mean(field.kept)
@@ -319,7 +338,8 @@ class FieldSolver:
     def _light_at(
         self, some: Unknowns, budget: Budget, field: Field
     ) -> tuple[Gathered, FloatArray]:
-        asked = Ask(budget, some.receivers, field.sources, field.lifts[some.element])
+        lifts = field.lifts[some.element]
+        asked = Ask(budget, some.receivers, field.sources, lifts, hidden=field.hidden)
 
         def find() -> tuple[Rows]:
             rows = self._factors.rows(asked)
@@ -335,7 +355,7 @@ class FieldSolver:
             return (now,)
 
         (rows,) = self.kept.rows(
-            "iterated gather", asked, (field.sees_out,), find, self._under_sky, renew
+            "iterated gather", asked, (field.sees_out, field.hidden), find, self._under_sky, renew
         )
         rows = self._through_panes(rows, asked, field.surfaces)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
@@ -363,7 +383,7 @@ class FieldSolver:
         light = self._incidence.from_outside(receivers, budget, field.sees_out)
         closed = not field.sees_out or {"sky", "ground"} <= set(light.direct)
         with self.stages.run("sensors") as tell:
-            asked = Ask(budget, receivers, fine, share=FINE_SHARE)
+            asked = Ask(budget, receivers, fine, share=FINE_SHARE, hidden=field.hidden)
 
             def find() -> tuple[Rows]:
                 rows = self._factors.rows(asked, tell)
@@ -382,7 +402,7 @@ class FieldSolver:
                 return (now,)
 
             (rows,) = self.kept.rows(
-                "sensors", asked, (closed,), find, renew=renew, which=grid.name
+                "sensors", asked, (closed, field.hidden), find, renew=renew, which=grid.name
             )
         rows = self._through_panes(rows, asked, field.surfaces)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
@@ -423,6 +443,16 @@ class FieldSolver:
             leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
         return bool(leaves.any())
 
+    def _shut_in(self, rows: Rows, unknowns: Unknowns, lamps: NDArray[np.bool_]) -> Hidden:
+        """Elements that no light reaches; None where it reaches all."""
+        if not self.trace or self.panes.any:
+            return None
+        scene = self.scene
+        outside = any(part is not None for part in (scene.sky, scene.sun, scene.ground))
+        hidden = shut_in(rows, unknowns, lamps, outside=outside)
+        self.stages.counters["elements_shut_in"] = int(hidden.sum())
+        return hidden if hidden.any() else None
+
     def _renewed(
         self,
         rows: Rows,
@@ -436,6 +466,8 @@ class FieldSolver:
         eps = self._factors.eps(asked)
         found = renewed_rows(rows, asked, changed, self.scene, self.blockers, eps=eps, tell=tell)
         self.stages.count(found.counters)
+        if asked.hidden is not None:
+            hide(found, asked.hidden)
         return found
 
     def _close_again(

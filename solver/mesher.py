@@ -9,6 +9,7 @@ import numpy as np
 from .balance import Seam, balanced, is_balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
+from .gap_cuts import with_gaps
 from .horizon_lines import with_lines
 from .kept_light import KeptLight
 from .kernels.pyramid import Blockers
@@ -98,6 +99,10 @@ class Mesher:
         most = budget.most_elements
         if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
             boxes = with_lines(boxes, self.blockers, most)
+        if self.trace and most > len(boxes) and fits(most):
+            boxes, added = with_gaps(boxes, self.scene, budget)
+            if added:
+                self.stages.count({"elements_added_for_gaps": added})
         boxes, added = with_profiles(boxes, self.scene, budget, trace=self.trace)
         if added:
             self.stages.count({"elements_added_for_profiles": added})

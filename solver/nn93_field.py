@@ -317,6 +317,8 @@ class CornerSolver:
             row_sums=unknowns.mean(sums),
             kept=sums,
             sees_out=not self.base.in_cavity,
+            lamps_see_out=not self.base.in_cavity,
+            hidden=None,
             arriving=Gathered.of(light, indirect, nothing),
             sent={group: inside(values) for group, values in found.sent.items()},
             fineness=Fineness(

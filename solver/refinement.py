@@ -149,7 +149,7 @@ class Refiner:
 
     def places(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
         """Points (n, k, 3) at which boxes are looked at, and their normals."""
-        found = [_points(self.patches, boxes, *rule)[:2] for rule in (LOOK, NODES)]
+        found = [points_in(self.patches, boxes, *rule)[:2] for rule in (LOOK, NODES)]
         points, normals = (
             np.concatenate([a.reshape(len(boxes), -1, 3) for a in both], axis=1)
             for both in zip(*found, strict=True)
@@ -177,7 +177,7 @@ class Refiner:
 
     def _cut(self, boxes: Boxes) -> Boxes:
         """Both parts of every box, one after the other."""
-        light, _, areas, _ = self._light(boxes, *_equal(CUT))
+        light, _, areas, _ = self._light(boxes, *equal_parts(CUT))
         axis, place = best_cut(light.reshape(-1, CUT, CUT), areas.reshape(-1, CUT, CUT))
         return boxes.cut(axis, place / CUT)
 
@@ -185,7 +185,7 @@ class Refiner:
         self, boxes: Boxes, t: FloatArray, weight: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Illuminance, nearness and area (n, k²) at k x k places of boxes, and lengths (n, 2)."""
-        points, normals, areas, lengths = _points(self.patches, boxes, t, weight)
+        points, normals, areas, lengths = points_in(self.patches, boxes, t, weight)
         k = areas.shape[1]
         patch = np.repeat(boxes.patch, k)
         found = self.light.at(points.reshape(-1, 3), normals.reshape(-1, 3), patch)
@@ -216,18 +216,19 @@ def best_cut(light: FloatArray, areas: FloatArray) -> tuple[IntArray, IntArray]:
         # Parts at a side collapsed to a point may have no area, and then no light.
         gains.append(sum(f**2 / np.maximum(a, 1e-300) for f, a in (before, after)))
     gain = np.stack(gains, axis=1)
-    # Rounding must not choose between cuts that are as good: the middlemost is taken.
+    # Rounding must not choose between cuts that are as good: the middlemost is taken, across u.
     gain *= 1.0 - 1e-9 * np.abs(np.arange(1, k) / k - 0.5)
+    gain[:, 1] *= 1.0 - 1e-10
     axis, place = np.divmod(np.argmax(gain.reshape(len(gain), -1), axis=1), k - 1)
     return axis, place + 1
 
 
-def _equal(k: int) -> tuple[FloatArray, FloatArray]:
+def equal_parts(k: int) -> tuple[FloatArray, FloatArray]:
     """Middles and weights (k,) of equal parts."""
     return (np.arange(k) + 0.5) / k, np.full(k, 1.0 / k)
 
 
-def _points(
+def points_in(
     patches: PatchSet, boxes: Boxes, t: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Points (n, k², 3) of a rule (k,) in boxes, normals, areas, and lengths (n, 2)."""

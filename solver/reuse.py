@@ -370,7 +370,7 @@ def tolerances(budget: Budget) -> Budget:
 
 
 def _of_rows(asked: Ask) -> tuple[Any, ...]:
-    return asked.receivers, asked.sources, asked.lifts, asked.share, asked.first
+    return asked.receivers, asked.sources, asked.lifts, asked.share, asked.first, asked.hidden
 
 
 def under_sky(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .budget import Budget
 from .closure import close_rows, rows_beyond_noise
@@ -15,6 +16,7 @@ from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
+from .shut_in import hide
 from .stages import Stages
 from .surfaces import Receivers
 from .tables import meridians
@@ -47,6 +49,8 @@ class Ask:
         Share of the relative error that the budget allows unoccluded factors.
     first : int
         Number of the first receiver among all there are.
+    hidden : (n,) bool array or None
+        Elements that nothing sees which light comes from; see `shut_in`.
     """
 
     budget: Budget
@@ -55,6 +59,7 @@ class Ask:
     lifts: FloatArray | None = None
     share: float = 1.0
     first: int = 0
+    hidden: NDArray[np.bool_] | None = None
 
     def some(self, rows: IntArray) -> Ask:
         """Some of the rows; those that follow one another as they are found among all."""
@@ -116,6 +121,8 @@ class RowFinder:
             progress=tell,
         )
         self.stages.count(rows.counters)
+        if ask.hidden is not None:
+            hide(rows, ask.hidden)
         return rows
 
     def eps(self, ask: Ask) -> float:
