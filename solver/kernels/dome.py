@@ -62,8 +62,8 @@ def dome_rows(
                 if high <= 0.0:
                     continue
                 visible_factor(
-                    s, x, n, cone, front, plain, nowhere, eps, cell_eps, rounding, tone, blockers,
-                    listed, count, scratch, found,
+                    s, c, x, n, cone, front, plain, nowhere, eps, cell_eps, rounding, tone,
+                    blockers, listed, count, scratch, found,
                 )  # fmt: skip
                 out[i, 0] += w * found[0]
                 out[i, 1] += w * w * found[1]

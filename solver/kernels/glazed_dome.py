@@ -376,7 +376,8 @@ def glazed_rows(
                             ):
                                 _turn(cell)
                             visible_factor(
-                                cell, x, n, cone, front, plain, nowhere, eps, cell_eps, rounding,
+                                cell, (p * _CELLS + top) * 64 + deep, x, n, cone, front, plain,
+                                nowhere, eps, cell_eps, rounding,
                                 tone if where == _ABOVE else dark, blockers, listed, hidden,
                                 scratch, seen,
                             )  # fmt: skip

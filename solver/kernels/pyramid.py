@@ -442,6 +442,16 @@ def _scrambled(seed):
 
 
 @lean
+def _hashed(number):
+    """A number below 2^31 of which every bit follows from all bits of ``number``."""
+    seed = number & 0x7FFFFFFF
+    for _ in range(2):
+        seed = ((seed ^ (seed >> 15)) * 0x2C1B3C6D) & 0x7FFFFFFF
+        seed = ((seed ^ (seed >> 12)) * 0x297A2D39) & 0x7FFFFFFF
+    return seed ^ (seed >> 15)
+
+
+@lean
 def _visible_share(s, n, front, x, blockers, listed, count, samples, seed, work, h, hu, hv):
     """Share that the receiver sees of the points in the cell's factor, of samples x samples strata.
 
@@ -509,8 +519,8 @@ def _mean_luminance(s, n, tone, h, hu, hv):
 
 @kernel
 def visible_factor(
-    s0, x, n, cone0, flags, quadric, solid, eps, cell_eps, rounding, tone, blockers, listed0,
-    count0, scratch, out,
+    s0, number, x, n, cone0, flags, quadric, solid, eps, cell_eps, rounding, tone, blockers,
+    listed0, count0, scratch, out,
 ):  # fmt: skip
     """Form factor of a cell past the listed blockers, weighted with luminance for the sky.
 
@@ -518,6 +528,9 @@ def visible_factor(
     ----------
     s0 : (4, 4, 4) array
         Cell relative to receiver ``x`` with normal ``n``.
+    number : int
+        Of the cell among others, whose samples are then at other places: one edge often cuts many
+        cells alike.
     cone0, flags, quadric, solid
         Normal cone, flags, quadric and solid (−1 where it has none) of the cell.
     eps : float
@@ -659,7 +672,7 @@ def visible_factor(
                 samples = 2 if value > 0.125 * cell_eps else 1
                 if not lit:
                     # The same for every receiver, so that moving a scene changes no sample.
-                    seed = _scrambled(np.int64(out[2]) * 7919 + level)
+                    seed = _scrambled(np.int64(out[2]) * 7919 + level) + _hashed(number)
                     share = _visible_share(
                         cell, n, facing > 0, x, blockers, mine, count, samples, seed, work,
                         h, hu, hv,
@@ -669,9 +682,10 @@ def visible_factor(
                     value *= _mean_luminance(cell, n, tone, h, hu, hv)
                 out[0] += value * share
                 if not lit:
-                    # Deviation of the share of a cell: a single sample says nothing (0.35);
-                    # four that differ tell an edge (0.18), four alike make one unlikely (0.06).
-                    spread = 0.125
+                    # Deviation of the share of a cell: a single sample of one that an edge cuts
+                    # anywhere is off by 0.41, the root of the mean of s (1 - s); four that
+                    # differ tell an edge (0.18), four alike make one unlikely (0.06).
+                    spread = 1.0 / 6.0
                     if samples == 2:
                         spread = 0.03125 if 0.0 < share < 1.0 else 0.0039
                     out[1] += value * value * spread

@@ -201,7 +201,7 @@ def trace_row(
             shift_net(sources.nets[j], x, s)
             front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
             visible_factor(
-                s, x, n, sources.cones[j], front, sources.quadrics[j], solid, digits,
+                s, j, x, n, sources.cones[j], front, sources.quadrics[j], solid, digits,
                 sources.cell_eps[j], rounding, plain, blockers, near, k, scratch, found,
             )  # fmt: skip
             factors[j] += weight * found[0]

@@ -132,8 +132,9 @@ def test_half_of_the_sun_behind_a_straight_edge(turn):
     sheet = PatchSet.from_bilinear(np.array([[a, b, b + 5 * across, a + 5 * across]]))
     disk = math.sin(math.radians(16 / 60)) ** 2
     found = dome(sun_cells(sun), ORIGIN, s, parts=setup(sheet), cell_eps=1e-4 * disk).factor[0]
-    # A hundred cells of 1e-4 of the disk on the edge, each sampled with a deviation of 0.2.
-    assert found == pytest.approx(0.5 * disk, abs=2e-4 * disk)
+    # A hundred cells of 1e-4 of the disk on the edge, each sampled with a deviation of 0.2, are off
+    # by 2e-4 together: 2.5 times that.
+    assert found == pytest.approx(0.5 * disk, abs=5e-4 * disk)
 
 
 @pytest.mark.parametrize("distance", [-1.0, -0.5, 0.2, 0.7])
@@ -147,7 +148,7 @@ def test_penumbra_is_a_circular_segment(distance):
     found = dome(sun_cells(sun), ORIGIN, UP, parts=setup(sheet), cell_eps=1e-4 * disk).factor[0]
     expected = (math.acos(distance) - distance * math.sqrt(1 - distance**2)) / math.pi
     # As above.
-    assert found == pytest.approx(expected * disk, abs=2e-4 * disk)
+    assert found == pytest.approx(expected * disk, abs=5e-4 * disk)
 
 
 def test_sun_behind_a_wall_is_dark():
