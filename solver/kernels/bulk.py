@@ -31,7 +31,7 @@ _GOLDEN = 0.6180339887498949
 @lean
 def _find_dark(x, n, own_patch, own, sources, blockers, dark):
     """Mark the groups (g,) of which a receiver sees nothing."""
-    find_dark(x, n, sources.group_nets, sources.group_cones, sources.group_spheres, dark)
+    find_dark(x, n, sources.group_points, sources.group_cones, sources.group_spheres, dark)
     if own_patch < 0:
         return
     group, solid_of, flags = sources.group, blockers.solid, sources.flags
@@ -57,8 +57,9 @@ def _unoccluded(
     _find_dark(x, n, own_patch, own, sources, blockers, dark)
     mean_factors(x, n, sources, sources.point_from, factors)
     left = far_factors(
-        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim, near_ratio,
-        eps, sources.azimuths.shape[0] == 0, integral, factors, near,
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim,
+        sources.point_from, near_ratio, eps, sources.azimuths.shape[0] == 0, integral, factors,
+        near,
     )  # fmt: skip
     for m in range(left):
         j = near[m]
