@@ -149,25 +149,39 @@ def _means(
     spread = np.where(flat, 0.0, np.sin(np.minimum(half, 0.5 * math.pi)))
     # A cone of 90 degrees or more decides nothing: no element faces that much.
     size = np.where((half < 0.5 * math.pi) | flat, size, np.inf)
-    reaches = np.stack([reach, size, spread, np.where(flat, 0.0, reach)])
+    moment = np.einsum("nka,nkb->nab", points - middle[:, None], areas)
+    moment = np.linalg.norm(moment, axis=(1, 2)) / np.maximum(np.linalg.norm(whole, axis=1), 1e-300)
+    reaches = np.stack([reach, size, spread, np.where(flat, 0.0, reach), moment])
     return {
         "mean_point": writable(middle.T),
         "mean_area": writable(whole.T),
         "mean_reach": writable(reaches),
+        "mean_parts": writable(_strips(areas)),
     }
+
+
+def _strips(areas: FloatArray) -> FloatArray:
+    """Vector areas (n, g, 3) of strips along which those of the points (n, g², 3) vary least."""
+    order = math.isqrt(areas.shape[1])
+    grid = areas.reshape(len(areas), order, order, 3)
+    along_u, along_v = grid.sum(axis=1), grid.sum(axis=2)
+    # What points elsewhere adds up to less.
+    kept = [np.linalg.norm(strips, axis=2).sum(axis=1) for strips in (along_u, along_v)]
+    return np.where((kept[0] > kept[1])[:, None, None], along_u, along_v)
 
 
 def point_distance(edges: Edges, eps: float) -> FloatArray:
     """Distance (n,) from which one point tells the unoccluded factor of an element. [m]
 
-    With reach r at distance d, the kernel's first derivatives leave r/d for each unit that normals
-    differ, sin α, and the second ones (r/d)² of a factor A/(π d²) <= (r/d)². What is allowed is
-    ``eps`` of the element's own factor, facing and upright, and a fortieth of it of the hemisphere
-    as in `kernels.rows.how_to_see`, half for each of both terms.
+    With reach r and first moment m of the normals, against the vector area, at distance d, the
+    kernel's first derivatives leave 2 m/d and the second ones (r/d)² of a factor
+    A/(π d²) <= (r/d)². What is allowed is ``eps`` of the element's own factor, facing and upright,
+    and a fortieth of it of the hemisphere as in `kernels.rows.how_to_see`, half for each of both
+    terms.
     """
-    reach, _, spread, _ = edges.mean_reach
-    turn = np.maximum(spread, 1e-12)
-    ratio = np.minimum(np.minimum(0.5 * eps / turn, math.sqrt(0.5 * eps)), 1.0)
-    share = 0.5 * eps / 40.0
-    ratio = np.minimum(ratio, np.minimum(np.cbrt(share / turn), share**0.25))
-    return np.asarray(reach / ratio)
+    reach, moment = edges.mean_reach[0], edges.mean_reach[4]
+    half = 0.5 * eps
+    share = half / 40.0
+    by_reach = reach / min(math.sqrt(half), share**0.25, 1.0)
+    by_moment = np.maximum(2.0 * moment / half, np.cbrt(2.0 * moment * reach**2 / share))
+    return np.asarray(np.maximum(by_reach, by_moment))

@@ -199,7 +199,7 @@ def make_sources(
         cell_eps=writable(cell_eps),
         patch=writable(elements.patch_index, np.int64),
         group=writable(np.stack([first, end, patch], axis=1), np.int64),
-        group_nets=writable(group_nets),
+        group_points=writable(group_nets[:, 0, 0, :3] / group_nets[:, 0, 0, 3:]),
         group_cones=normal_cones(group_nets),
         group_spheres=bounding_spheres(group_nets),
         azimuths=meridians(0 if scan is None else scan.lines),

@@ -60,6 +60,8 @@ BRIGHT = 4.0
 #: Error of factors told by one point against that of other unoccluded factors: it has either sign,
 #: and few elements come near to it.
 POINT_SHARE = 2.5
+#: The same of large meshes, whose elements pave what is far off: errors of neighbours cancel.
+POINT_SHARE_OF_MANY = 25.0
 #: Elements of large meshes get the light of lamps at many points down to this share of the aimed
 #: size.
 AVERAGED = 0.25
@@ -545,14 +547,16 @@ class FieldSolver:
         if not self.trace:
             sources = make_sources(opaque, nets, fineness.cell_eps, dim=fineness.dim)
             return sources, np.zeros(len(elements))
-        facets, lifts = make_facets(opaque, nets, self.blockers.closed, self.blockers.solid)
+        of = nets, self.blockers.closed, self.blockers.solid
+        facets, lifts = make_facets(opaque, *of, budget.size if budget.is_large else 0.0)
         facets = with_sights(facets, opaque, self.blockers.solid, fineness.bright, budget.sights)
         cell_eps = fineness.cell_eps
         exact_above = np.full(len(cell_eps), budget.exact_above)
         # As much light as an element of mean brightness sends at the threshold.
         told = np.diff(facets.sight_start) > 0
         exact_above[~told] *= cell_eps[~told] / budget.cell_eps
-        scan = Scan(facets, budget.lines, exact_above, POINT_SHARE * budget.eps)
+        share = POINT_SHARE_OF_MANY if budget.is_large else POINT_SHARE
+        scan = Scan(facets, budget.lines, exact_above, share * budget.eps)
         sources = make_sources(opaque, nets, cell_eps, scan, fineness.dim)
         return sources, self.panes.lifts(lifts, elements)
 

@@ -238,7 +238,7 @@ def _sources(
         cell_eps=np.ones(len(nets)),
         patch=writable(place, np.int64),
         group=np.stack([rows, rows + 1, place], axis=1),
-        group_nets=writable(nets),
+        group_points=writable(nets[:, 0, 0, :3] / nets[:, 0, 0, 3:]),
         group_cones=cones.copy(),
         group_spheres=spheres.copy(),
         azimuths=meridians(0),

@@ -14,8 +14,8 @@ from .model.elements import Elements
 from .panels import make_panels, split_concave
 from .topology import writable
 
-#: Largest turn of tangent or normal over a facet. [rad]
-FACET_TURN = math.radians(12.0)
+#: Largest turn of tangent or normal over a facet, and over one of a small element. [rad]
+FACET_TURN, SMALL_TURN = math.radians(12.0), math.radians(30.0)
 #: Most facets of an element along u or v.
 MAX_FACETS = 8
 
@@ -31,11 +31,15 @@ def _turns(vectors: FloatArray, axis: int) -> FloatArray:
     return np.asarray(angle.sum(axis=axis).max(axis=1))
 
 
-def facet_counts(nets: FloatArray) -> IntArray:
-    """How many facets (n, 2) each element gets along u and v."""
+def facet_counts(nets: FloatArray, size: float = 0.0) -> IntArray:
+    """How many facets (n, 2) each element gets along u and v.
+
+    Elements shorter than ``size`` get fewer: facets leave them by no more than they leave one that
+    is so long, but where they turn by `SMALL_TURN`. [m]
+    """
     counts = np.ones((len(nets), 2), dtype=np.int64)
     rows = np.flatnonzero(~_flat_and_straight(nets))
-    counts[rows] = _counts_by_turns(nets[rows])
+    counts[rows] = _counts_by_turns(nets[rows], size)
     return counts
 
 
@@ -53,26 +57,34 @@ def _flat_and_straight(nets: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(straight & (volume <= 1e-10 * size**3))
 
 
-def _counts_by_turns(nets: FloatArray) -> IntArray:
+def _counts_by_turns(nets: FloatArray, size: float) -> IntArray:
     t = np.linspace(0.0, 1.0, 5)
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     _, su, sv = (a.reshape(len(nets), 5, 5, 3) for a in surface_points(nets, u, v))
     normal = np.cross(su, sv)[:, 1:4, 1:4]  # collapsed edges have none
     turn_u = np.maximum(_turns(su, 1), 2.0 * _turns(normal, 1))
     turn_v = np.maximum(_turns(sv, 2), 2.0 * _turns(normal, 2))
-    counts = np.ceil(np.stack([turn_u, turn_v], axis=1) / FACET_TURN - 1e-6)
+    long = [np.linalg.norm(d, axis=3).mean(axis=a).max(axis=1) for d, a in ((su, 1), (sv, 2))]
+    # A facet of length s and turn t leaves its element by s t / 8.
+    allowed = FACET_TURN * size / np.maximum(np.stack(long, axis=1), 1e-300)
+    allowed = np.clip(allowed, FACET_TURN, SMALL_TURN)
+    counts = np.ceil(np.stack([turn_u, turn_v], axis=1) / allowed - 1e-6)
     return np.asarray(np.clip(counts, 1, MAX_FACETS).astype(np.int64))
 
 
 def make_facets(
-    elements: Elements, patch_nets: FloatArray, closed: IntArray, solid: IntArray
+    elements: Elements,
+    patch_nets: FloatArray,
+    closed: IntArray,
+    solid: IntArray,
+    size: float = 0.0,
 ) -> tuple[Facets, FloatArray]:
     """Facets of all elements, and how far (n,) they leave their element. [m]
 
     Patches that are neither closed nor lit from both sides hide with their backs too: these panels
-    belong to no element.
+    belong to no element. Of ``size`` see `facet_counts`.
     """
-    element, boxes = _in_grids(elements, patch_nets, *_facet_boxes(elements))
+    element, boxes = _in_grids(elements, patch_nets, *_facet_boxes(elements, size))
     patch = elements.patch_index[element]
     u, v = boxes[:, [0, 1, 1, 0]], boxes[:, [2, 2, 3, 3]]
     keys = np.stack([np.repeat(patch, 4).astype(np.float64), u.ravel(), v.ravel()], axis=1)
@@ -84,12 +96,12 @@ def make_facets(
     middle = surface_points(
         patch_nets[patch], u.mean(axis=1, keepdims=True), v.mean(axis=1, keepdims=True)
     )[0][:, 0]
-    normal, size = _facet_normals(vertices[corners])
+    normal, doubled = _facet_normals(vertices[corners])
     # Across the facet only: along it the parameters may run unevenly.
     off = vertices[corners].mean(axis=1) - middle
     sagitta = np.abs(np.einsum("fk,fk->f", normal, off))
     lift = np.zeros(len(elements))
-    np.maximum.at(lift, element, np.where(sagitta > 1e-9 * np.sqrt(size), sagitta, 0.0))
+    np.maximum.at(lift, element, np.where(sagitta > 1e-9 * np.sqrt(doubled), sagitta, 0.0))
     halves, pivot = split_concave(vertices[corners])
     if len(halves):
         rows = halves[:, None]
@@ -102,9 +114,9 @@ def make_facets(
     return _pack(elements, vertices, corners, element, boxes, closed, solid), lift
 
 
-def _facet_boxes(elements: Elements) -> tuple[IntArray, FloatArray]:
+def _facet_boxes(elements: Elements, size: float) -> tuple[IntArray, FloatArray]:
     """Element (f,) and parameters (f, 4) u0, u1, v0, v1 of every facet, sorted by element."""
-    counts = _alike(elements, facet_counts(elements.nets))
+    counts = _alike(elements, facet_counts(elements.nets, size))
     boxes, owner = [], []
     for nu, nv in np.unique(counts, axis=0):
         rows = np.flatnonzero((counts == (nu, nv)).all(axis=1))
@@ -219,6 +231,7 @@ def _pack(
         panel_solid=writable(solid[np.append(patch, patch[back])], np.int64),
         panel_grid=writable(np.append(_numbered(found.grid), no_backs), np.int64),
         unit_ranges=writable(np.stack([start[:-1], start[1:]], axis=1), np.int64),
+        unit_points=_ends(outline, start[:-1]),
         unit_joined=np.bincount(of, found.grid >= 0, len(units)) > 0,
         grid_size=sizes,
         grid_lines=writable(_directed(vertices, ends, turned[joined])),
@@ -231,6 +244,14 @@ def _pack(
         ),
         **_no_sights(len(elements)),
     )
+
+
+def _ends(outline: IntArray, start: IntArray) -> IntArray:
+    """First and end (g, 2) of the points of runs of panels (p, 4), parted at ``start`` (g + 1,)."""
+    own = outline[: start[-1]]
+    low = np.minimum.reduceat(own.min(axis=1), start[:-1])
+    high = np.maximum.reduceat(own.max(axis=1), start[:-1])
+    return np.stack([low, high + 1], axis=1)
 
 
 def _numbered(grid: IntArray) -> IntArray:
@@ -273,6 +294,7 @@ def no_facets() -> Facets:
         panel_solid=none,
         panel_grid=none,
         unit_ranges=none.reshape(0, 2),
+        unit_points=none.reshape(0, 2),
         unit_joined=none.astype(bool),
         grid_size=none.reshape(0, 4),
         grid_lines=np.empty((0, 2, 3)),

@@ -38,7 +38,7 @@ def turn_of(number):
 @lean
 def find_dark_groups(x, n, own_patch, own, sources, blockers, dark):
     """Mark the groups (g,) of which a receiver sees nothing."""
-    find_dark(x, n, sources.group_nets, sources.group_cones, sources.group_spheres, dark)
+    find_dark(x, n, sources.group_points, sources.group_cones, sources.group_spheres, dark)
     if own_patch < 0:
         return
     group, solid_of, flags = sources.group, blockers.solid, sources.flags
@@ -80,8 +80,9 @@ def _unoccluded(
     find_dark_groups(x, n, own_patch, own, sources, blockers, dark)
     mean_factors(x, n, sources, sources.point_from, factors)
     left = far_factors(
-        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim, near_ratio,
-        eps, sources.azimuths.shape[0] == 0, integral, factors, near,
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim,
+        sources.point_from, near_ratio, eps, sources.azimuths.shape[0] == 0, integral, factors,
+        near,
     )  # fmt: skip
     near_factors(x, n, own_patch, sources, blockers, eps, rounding, near, left, s, factors)
     none = 0

@@ -58,13 +58,13 @@ def tangent_frame(n, turn, frame):
 
 
 @lean
-def place_points(x, n, frame, points, axes, local, before):
+def place_points(x, n, frame, points, first, end, axes, local, before):
     """Places of points about a receiver.
 
     Parameters
     ----------
     points : (3, v) array
-        The points. [m]
+        The points [m]; ``first`` … ``end`` of them are placed.
     axes : (3 lines, 2) array
         Cosine and sine of the azimuths of the meridians, three times over.
     local : (4, v) array
@@ -77,8 +77,10 @@ def place_points(x, n, frame, points, axes, local, before):
     x0, x1, x2, n0, n1, n2 = x[0], x[1], x[2], n[0], n[1], n[2]
     f0, f1, f2 = frame[0, 0], frame[0, 1], frame[0, 2]
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
-    px, py, pz = points[0], points[1], points[2]
-    along, across, up, place = local[0], local[1], local[2], local[3]
+    # Indices from 0 on: only then are several points done at a time.
+    px, py, pz = points[0, first:end], points[1, first:end], points[2, first:end]
+    along, across, up = local[0, first:end], local[1, first:end], local[2, first:end]
+    place, line = local[3, first:end], before[first:end]
     for v in range(px.shape[0]):
         dx, dy, dz = px[v] - x0, py[v] - x1, pz[v] - x2
         along[v] = f0 * dx + f1 * dy + f2 * dz
@@ -89,7 +91,7 @@ def place_points(x, n, frame, points, axes, local, before):
     for v in range(px.shape[0]):
         turn = azimuth_turn(along[v], across[v]) * lines
         place[v] = turn
-        before[v] = int(turn)
+        line[v] = int(turn)
         close += 1 if abs(turn - np.floor(turn + 0.5)) <= near else 0
     if close == 0:
         return
@@ -101,7 +103,7 @@ def place_points(x, n, frame, points, axes, local, before):
             place[v] = float(k if k < lines else 0)
         else:
             place[v] = (k if k > 0 else lines) - 0.5 * near
-        before[v] = int(place[v])
+        line[v] = int(place[v])
 
 
 @lean

@@ -52,9 +52,12 @@ class Edges(NamedTuple):
         Points of each element, from ``edge_origin``, and normals times area. [m, m²]
     mean_point, mean_area : (3, n) arrays
         Mean point of each element, from ``edge_origin`` [m], and vector area [m²].
-    mean_reach : (4, n) array
+    mean_reach : (5, n) array
         Largest distance from the mean point [m], magnitude of the vector area [m²], sine of the
-        largest angle between normals and it, 0 where flat, and the same distance but 0 where flat.
+        largest angle between normals and it, 0 where flat, the same distance but 0 where flat, and
+        the first moment of the normals against the vector area. [m]
+    mean_parts : (n, g, 3) array
+        Vector areas of strips across which the normals turn. [m²]
     """
 
     edge_origin: np.ndarray
@@ -70,6 +73,7 @@ class Edges(NamedTuple):
     mean_point: np.ndarray
     mean_area: np.ndarray
     mean_reach: np.ndarray
+    mean_parts: np.ndarray
 
 
 @lean
@@ -94,13 +98,17 @@ def mean_factors(x, n, edges, square_from, factors):
     spread, bulge = edges.mean_reach[2], edges.mean_reach[3]
     for j in range(factors.shape[0]):
         r0, r1, r2 = c0[j] - x0, c1[j] - x1, c2[j] - x2
+        # What is flat reaches towards the horizon only as far as it is tilted against it.
+        upright = (n0 * a0[j] + n1 * a1[j] + n2 * a2[j]) / max(size[j], 1e-300)
+        tilt = math.sqrt(max(1.0 - upright * upright, 0.0))
+        rise = max(bulge[j], reach[j] * tilt)
         up = n0 * r0 + n1 * r1 + n2 * r2
         facing = -(a0[j] * r0 + a1[j] * r1 + a2[j] * r2)
         square = r0 * r0 + r1 * r1 + r2 * r2
         slack = (spread[j] * (math.sqrt(square) + reach[j]) + bulge[j]) * size[j]
         value = up * facing / (math.pi * square * square)
-        good = (up > reach[j]) & (facing > slack) & (square >= square_from[j])
-        dark = (up <= -reach[j]) | (facing <= -slack)
+        good = (up > rise) & (facing > slack) & (square >= square_from[j])
+        dark = (up <= -rise) | (facing <= -slack)
         factors[j] = value if good else (0.0 if dark else OPEN)
 
 
@@ -128,8 +136,11 @@ def edge_integrals(x, n, edges, first, end, integral):
 
 
 @lean
-def find_dark(x, n, nets, cones, spheres, dark):
-    """Mark the groups (g,) that lie below the horizon, or show their backs throughout."""
+def find_dark(x, n, points, cones, spheres, dark):
+    """Mark the groups (g,) that lie below the horizon, or show their backs throughout.
+
+    ``points`` (g, 3) are one of each. [m]
+    """
     for g in range(dark.shape[0]):
         dx, dy, dz = spheres[g, 0] - x[0], spheres[g, 1] - x[1], spheres[g, 2] - x[2]
         radius, spread = spheres[g, 3], cones[g, 3]
@@ -137,19 +148,16 @@ def find_dark(x, n, nets, cones, spheres, dark):
         dark[g] = n[0] * dx + n[1] * dy + n[2] * dz <= -radius
         if spread == 0.0:
             # All normals alike: a plane, and any of its points tells the side.
-            w, slack = nets[g, 0, 0, 3], 0.0
-            dx, dy, dz = (
-                nets[g, 0, 0, 0] / w - x[0],
-                nets[g, 0, 0, 1] / w - x[1],
-                nets[g, 0, 0, 2] / w - x[2],
-            )
+            slack = 0.0
+            dx, dy, dz = points[g, 0] - x[0], points[g, 1] - x[1], points[g, 2] - x[2]
         away = -(cones[g, 0] * dx + cones[g, 1] * dy + cones[g, 2] * dz)
         dark[g] = dark[g] or (spread < 1.0 and away <= -slack)
 
 
 @kernel
 def far_factors(
-    x, n, edges, group, dark, cones, spheres, dim, near_ratio, eps, shared, integral, factors, near
+    x, n, edges, group, dark, cones, spheres, dim, square_from, near_ratio, eps, shared, integral,
+    factors, near,
 ):  # fmt: skip
     """Unoccluded form factors of all elements that are `OPEN` still and not too near.
 
@@ -163,6 +171,9 @@ def far_factors(
         Normal cones and bounding spheres of the elements.
     dim : (n,) array
         Share of ``eps`` that each element may have.
+    square_from : (n,) array
+        As in `mean_factors`: from there on one point tells the place of an element all above the
+        horizon, and only how much of it shows its front is summed. [m²]
     near_ratio : float
         Elements nearer than this many of their radii are not done here.
     eps : float
@@ -188,6 +199,7 @@ def far_factors(
     points, areas, origin = edges.area_point, edges.area_normal, edges.edge_origin
     y0, y1, y2 = x0 - origin[0], x1 - origin[1], x2 - origin[2]
     left, parts = 0, np.empty(points.shape[2])
+    middle, strips = edges.mean_point, edges.mean_parts
     for g in range(group.shape[0]):
         if dark[g]:
             factors[group[g, 0] : group[g, 1]] = 0.0
@@ -227,6 +239,15 @@ def far_factors(
             elif not good and AREA_ERROR * radius * radius >= eps * dim[j] * distance * distance:
                 near[left] = j
                 left += 1
+            elif height > radius and distance - radius >= math.sqrt(square_from[j]):
+                r0, r1, r2 = middle[0, j] - y0, middle[1, j] - y1, middle[2, j] - y2
+                total = 0.0
+                for k in range(strips.shape[1]):
+                    facing = strips[j, k, 0] * r0 + strips[j, k, 1] * r1 + strips[j, k, 2] * r2
+                    total += max(-facing, 0.0)
+                square = r0 * r0 + r1 * r1 + r2 * r2
+                up = n0 * r0 + n1 * r1 + n2 * r2
+                factors[j] = max(up, 0.0) * total / (math.pi * square * square)
             else:
                 p0, p1, p2 = points[0, j], points[1, j], points[2, j]
                 a0, a1, a2 = areas[0, j], areas[1, j], areas[2, j]

@@ -28,6 +28,8 @@ class Facets(NamedTuple):
     unit_ranges : (g + 1, 2) int array
         First and end of the panels of each unit, and of the backs of one-sided patches, which
         belong to none.
+    unit_points : (g, 2) int array
+        First and end of the points of each unit's panels.
     unit_joined : (g,) bool array
         Whether any of its panels belongs to several elements.
     grid_size : (k, 4) int array
@@ -54,6 +56,7 @@ class Facets(NamedTuple):
     panel_solid: np.ndarray
     panel_grid: np.ndarray
     unit_ranges: np.ndarray
+    unit_points: np.ndarray
     unit_joined: np.ndarray
     grid_size: np.ndarray
     grid_lines: np.ndarray

@@ -19,6 +19,8 @@ import numpy as np
 from .compiled import kernel, lean
 from .cuts import ZENITH, cut_polygon
 
+#: Points of dark units that are placed all the same, rather than to begin a loop anew.
+BRIDGED = 128
 #: Elevations that the pieces of a meridian are indexed by.
 BINS = 32
 
@@ -75,7 +77,35 @@ def carried(low, high):
 
 
 @lean
-def list_facing(x, planes, ranges, dark, rounding, above, listed):
+def list_runs(dark, ranges, points, runs):
+    """List runs of units that something may be seen of; returns how many there are.
+
+    Parameters
+    ----------
+    dark : (g,) bool array
+        Units of which nothing is seen.
+    ranges, points
+        `facets.Facets.unit_ranges` and ``unit_points``.
+    runs : (g, 2) int array
+        Receives first and end of each run.
+    """
+    units, count = dark.shape[0], 0
+    if ranges[units, 0] < ranges[units, 1]:
+        # Backs hide from where their fronts are dark: all points are asked for.
+        runs[0, 0], runs[0, 1] = 0, units
+        return 1
+    for g in range(units):
+        if dark[g]:
+            continue
+        if count == 0 or points[g, 0] > points[runs[count - 1, 1] - 1, 1] + BRIDGED:
+            runs[count, 0] = g
+            count += 1
+        runs[count - 1, 1] = g + 1
+    return count
+
+
+@lean
+def list_facing(x, planes, ranges, dark, runs, some, rounding, above, listed):
     """List the panels of all lit units that turn their front to ``x``; returns how many.
 
     Parameters
@@ -84,18 +114,24 @@ def list_facing(x, planes, ranges, dark, rounding, above, listed):
         `facets.Facets.panel_planes` and ``unit_ranges``.
     dark : (g,) bool array
         Units of which nothing is seen.
+    runs : (g, 2) int array
+        From `list_runs`, ``some`` of them.
     rounding : float
         Distance that counts as none. [m]
     above : (p,) array
-        Receives how far ``x`` is before the plane of each panel. [m]
+        Receives how far ``x`` is before the plane of each panel of the runs. [m]
     listed : (p + 1,) int array
         Receives the panels, in order.
     """
     x0, x1, x2 = x[0], x[1], x[2]
-    nx, ny, nz, offset = planes[0], planes[1], planes[2], planes[3]
-    for f in range(above.shape[0]):
-        above[f] = nx[f] * x0 + ny[f] * x1 + nz[f] * x2 - offset[f]
     units, count = dark.shape[0], 0
+    for r in range(some):
+        last = runs[r, 1] if runs[r, 1] == units else runs[r, 1] - 1
+        first, end = ranges[runs[r, 0], 0], ranges[last, 1]
+        nx, ny, nz = planes[0, first:end], planes[1, first:end], planes[2, first:end]
+        offset, out = planes[3, first:end], above[first:end]
+        for f in range(out.shape[0]):
+            out[f] = nx[f] * x0 + ny[f] * x1 + nz[f] * x2 - offset[f]
     for g in range(ranges.shape[0]):
         if g < units and dark[g]:
             continue

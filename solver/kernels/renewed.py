@@ -29,8 +29,8 @@ def _unoccluded(
     for j in range(factors.shape[0]):
         factors[j] = factors[j] if asked[j] else 0.0
     left = far_factors(
-        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim, near_ratio,
-        eps, False, integral, factors, near,
+        x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim,
+        sources.point_from, near_ratio, eps, False, integral, factors, near,
     )  # fmt: skip
     near_factors(x, n, own_patch, sources, blockers, eps, rounding, near, left, s, factors)
 

@@ -36,9 +36,11 @@ class Sources(NamedTuple):
         Patch each element lies on.
     group : (g, 3) int array
         First row, end row and patch of each group: the elements of one side of one patch.
-    group_nets, group_cones, group_spheres
-        The same for the whole patch side.
-    edge_origin … mean_reach
+    group_points : (g, 3) array
+        A point of each. [m]
+    group_cones, group_spheres
+        As above, for the whole patch side.
+    edge_origin … mean_parts
         Gauss nodes on the edges and in the elements, as in `edges.Edges`.
     panel_points … sight_areas
         Flat pieces of the elements and of what else hides them, as in `facets.Facets`.
@@ -61,7 +63,7 @@ class Sources(NamedTuple):
     cell_eps: np.ndarray
     patch: np.ndarray
     group: np.ndarray
-    group_nets: np.ndarray
+    group_points: np.ndarray
     group_cones: np.ndarray
     group_spheres: np.ndarray
     edge_origin: np.ndarray
@@ -77,6 +79,7 @@ class Sources(NamedTuple):
     mean_point: np.ndarray
     mean_area: np.ndarray
     mean_reach: np.ndarray
+    mean_parts: np.ndarray
     panel_points: np.ndarray
     panel_corners: np.ndarray
     panel_planes: np.ndarray
@@ -84,6 +87,7 @@ class Sources(NamedTuple):
     panel_solid: np.ndarray
     panel_grid: np.ndarray
     unit_ranges: np.ndarray
+    unit_points: np.ndarray
     unit_joined: np.ndarray
     grid_size: np.ndarray
     grid_lines: np.ndarray

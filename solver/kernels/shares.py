@@ -14,10 +14,12 @@ import numpy as np
 from .compiled import kernel, lean
 from .cuts import ZENITH, azimuth_turn, place_points, tangent_frame
 from .grids import find_partly, share_grids
-from .meridian import cut_panels, list_crossing, list_facing, make_lines
+from .meridian import cut_panels, list_crossing, list_facing, list_runs, make_lines
 from .sights import share_bright
 from .sweep import HIDDEN, SHOWN, height_bin, index_pieces, sweep
 
+#: Points that are placed at a time: so few stay in the processor's nearest cache.
+AT_ONCE = 512
 #: Chords a meridian is given room for at first.
 ROOM = 40
 #: Standard deviation of the share of an element that one meridian meets, 0 < share < 1, relative
@@ -42,6 +44,7 @@ class Shares(NamedTuple):
     met: np.ndarray  # (n, 2) pieces of both meridians next to them, −1 where there is none
     frame: np.ndarray  # (2, 3)
     unit: np.ndarray  # (g,) `SHOWN` and `HIDDEN` of every unit
+    runs: np.ndarray  # (g, 2) as `meridian.list_runs`
     above: np.ndarray  # (p,) as `meridian.list_facing`
     listed: np.ndarray  # (p + 1,)
     crossing: np.ndarray  # (p + 1,)
@@ -89,6 +92,7 @@ def make_shares(sources):
         np.empty((n, 2), dtype=np.int64),
         np.empty((2, 3)),
         np.empty(sources.group.shape[0], dtype=np.int64),
+        np.empty((sources.group.shape[0], 2), dtype=np.int64),
         np.empty(p),
         np.empty(p + 1, dtype=np.int64),
         np.empty(p + 1, dtype=np.int64),
@@ -137,12 +141,19 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
     found.visible[:] = 0.0
     found.hits[:] = 0.0
     found.state[:] = 0
-    place_points(
-        x, n, found.frame, sources.panel_points, lines.axes, found.panel_local, found.panel_before
-    )
+    runs, points = found.runs, sources.unit_points
+    some = list_runs(dark, sources.unit_ranges, points, runs)
+    for r in range(some):
+        first, end = points[runs[r, 0], 0], points[runs[r, 1] - 1, 1]
+        for start in range(first, end, AT_ONCE):
+            place_points(
+                x, n, found.frame, sources.panel_points, start, min(start + AT_ONCE, end),
+                lines.axes, found.panel_local, found.panel_before,
+            )  # fmt: skip
     count = list_facing(
-        x, sources.panel_planes, sources.unit_ranges, dark, rounding, found.above, found.listed
-    )
+        x, sources.panel_planes, sources.unit_ranges, dark, runs, some, rounding, found.above,
+        found.listed,
+    )  # fmt: skip
     crossing = list_crossing(
         sources.panel_corners, found.panel_before, found.listed, count, found.crossing
     )

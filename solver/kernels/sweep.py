@@ -12,6 +12,8 @@ from .meridian import BINS, carried
 
 #: What the meridians saw of a panel: all of some of its chords, or not all of one.
 SHOWN, HIDDEN = 1, 2
+#: Chords that are sorted by insertion.
+RUN = 16
 #: Overlap of chords, relative to 1 + τ, that is rounding.
 _TIE = 1e-9
 
@@ -31,6 +33,42 @@ def _nearest(span, active, waiting, low, high):
 
 
 @lean
+def _sort_chords(first, span, chain, order, other):
+    """List the chords of a chain by where they begin, those that came first before their equals.
+
+    Stretches of `RUN` are sorted by insertion, as panels of one surface come nearly sorted, and
+    then merged. Returns how many there are.
+    """
+    s, count = first, 0
+    while s >= 0:
+        low, m, start = span[s, 0], count, count - count % RUN
+        while m > start and span[order[m - 1], 0] > low:
+            order[m] = order[m - 1]
+            m -= 1
+        order[m] = s
+        count += 1
+        s = chain[s]
+    width = RUN
+    while width < count:
+        for start in range(0, count, 2 * width):
+            middle, end = min(start + width, count), min(start + 2 * width, count)
+            a, b = start, middle
+            for m in range(start, middle):
+                other[m] = order[m]
+            for m in range(start, end):
+                if a >= middle:
+                    break
+                if b < end and span[order[b], 0] < span[other[a], 0]:
+                    order[m] = order[b]
+                    b += 1
+                else:
+                    order[m] = other[a]
+                    a += 1
+        width *= 2
+    return count
+
+
+@lean
 def _sweep_line(
     first, span, chain, piece, piece_panel, pieces, order, active, axis, n, tone, line_out
 ):  # fmt: skip
@@ -39,17 +77,7 @@ def _sweep_line(
     Stores the pieces from number ``pieces`` on, with their chords for their panels, and returns the
     number of the next one.
     """
-    s, count = first, 0
-    while s >= 0:
-        # Insertion from the end: panels of one surface come nearly sorted.
-        low = span[s, 0]
-        m = count
-        while m > 0 and span[order[m - 1], 0] > low:
-            order[m] = order[m - 1]
-            m -= 1
-        order[m] = s
-        count += 1
-        s = chain[s]
+    count = _sort_chords(first, span, chain, order, active)
     waiting, winner = 0, -1
     at = 0.0
     for m in range(count + 1):
