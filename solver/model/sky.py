@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from ..errors import InputError
 
@@ -166,6 +169,40 @@ class Sun:
         _finite("Sun.normal_illuminance_lx", self.normal_illuminance_lx, 0.0, 1e6)
         _finite("Sun.angular_radius_arcmin", self.angular_radius_arcmin, 1e-3, 600.0)
         _finite("Sun.cct_k", self.cct_k, 1000.0, 25000.0)
+
+    @classmethod
+    def at(
+        cls,
+        site: Site,
+        time: datetime.datetime | str,
+        *,
+        normal_illuminance_lx: float,
+        **more: float,
+    ) -> Sun:
+        """The sun as it stands at a place and time.
+
+        Parameters
+        ----------
+        site : Site
+            The place; its time zone is what ``time`` is meant in when it has no offset of its own.
+        time : datetime or str
+            A moment, as clocks there show it with daylight saving, or with an offset.
+        normal_illuminance_lx : float
+            Illuminance of the whole disc on a plane facing it. [lx]
+        **more
+            Further attributes.
+
+        Raises
+        ------
+        InputError
+            As `patchlight.solver.clock.universal_time`.
+        """
+        from ..clock import universal_time
+        from ..sun_position import sun_positions
+
+        moment = np.array([universal_time(time, site.timezone).replace(tzinfo=None)])
+        altitude, azimuth = sun_positions(site, moment.astype("datetime64[s]"))
+        return cls(float(altitude[0]), float(azimuth[0]), normal_illuminance_lx, **more)
 
 
 @dataclass(frozen=True, slots=True)
