@@ -28,6 +28,14 @@ MANY_ELEMENTS = 4000
 SMALL, SMALL_OF_MANY = 0.1, 0.75
 #: Form factor against the accuracy above which a pair is traced, and that of large meshes.
 EXACT, EXACT_OF_MANY = 4.0, 160.0
+#: Form factor against the accuracy above which a pair of sensor and element is traced, and the
+#: accuracy above which fewer are: there it grows with the square. What meridians leave wrong of a
+#: partly hidden element falls with their number, so that it keeps its share of the error.
+EXACT_AT_SENSORS, LOOSE = 0.1, 0.075
+#: Meridians about each sensor, times the accuracy, and the fewest.
+SENSOR_LINES, SENSOR_LINES_AT_LEAST = 16.0, 64
+#: Rows of the iterated gather that are always found where the accuracy is so much or finer.
+PIECES, PIECES_ACCURACY = 4096, 0.05
 #: Meridians about each node of large meshes, and points on the bright elements of each solid: with
 #: 32 meridians sensors get the same light to 2e-4 as with 250, with 16 to 1.2e-3, with 8 to 2e-3.
 LINES_OF_MANY, SIGHTS_OF_MANY = 32, 256
@@ -98,8 +106,8 @@ class Budget:
         Meridians about each node and each sensor.
     sights : int
         Points on the bright elements of each solid.
-    exact_above : float
-        Unoccluded form factor above which a pair is traced by pyramids.
+    exact_above, sensor_exact_above : float
+        Unoccluded form factor above which a pair is traced by pyramids: from nodes, and sensors.
     cell_eps, lamp_cell_eps : float
         Form factor below which a partly hidden cell is sampled: between surfaces, and of lamps.
     sensor_dome_cell_eps : float
@@ -127,6 +135,7 @@ class Budget:
     sensor_lines: int
     sights: int
     exact_above: float
+    sensor_exact_above: float
     cell_eps: float
     lamp_cell_eps: float
     sensor_dome_cell_eps: float
@@ -212,12 +221,13 @@ class Budget:
             small=SMALL_OF_MANY if large else SMALL,
             eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
             lines=_lines(accuracy, large),
-            sensor_lines=int(min(max(16.0 / accuracy, 256), 4096)),
+            sensor_lines=int(min(max(SENSOR_LINES / accuracy, SENSOR_LINES_AT_LEAST), 4096)),
             sights=min(
                 int(min(max((3.0 / accuracy) ** (4.0 / 3.0), 64), 4096)),
                 SIGHTS_OF_MANY if large else 4096,
             ),
             exact_above=(EXACT_OF_MANY if large else EXACT) * accuracy,
+            sensor_exact_above=EXACT_AT_SENSORS * accuracy * max(1.0, accuracy / LOOSE),
             cell_eps=0.1 * accuracy,
             lamp_cell_eps=1e-2 * accuracy,
             sensor_dome_cell_eps=2e-3 * accuracy,
@@ -229,10 +239,14 @@ class Budget:
         """Whether rows are found with less each, and fewer are found more finely at the end."""
         return self.elements > MANY_ELEMENTS
 
-    @property
-    def gathered(self) -> float:
-        """Rows of the iterated gather against those of the mesh."""
-        return GATHERED_OF_MANY if self.is_large else GATHERED
+    def gathered(self, unknowns: int) -> int:
+        """Rows of the iterated gather, for so many ``unknowns`` of the mesh.
+
+        A quarter as accurate a run finds a quarter as many: they are to find what nodes missed.
+        """
+        share = GATHERED_OF_MANY if self.is_large else GATHERED
+        loose = max(1.0, self.accuracy / PIECES_ACCURACY)
+        return int(max(PIECES, share * unknowns) / loose)
 
     def unseen(self, left: float) -> float:
         """By how much more light is wrong than the iterated gather changed.
@@ -253,6 +267,7 @@ class Budget:
             "form_factor_accuracy": self.eps,
             "meridians": self.lines,
             "sensor_meridians": self.sensor_lines,
+            "sensor_traced_form_factor": self.sensor_exact_above,
             "lines_of_sight": self.sights,
             "traced_form_factor": self.exact_above,
             "cell_form_factor": self.cell_eps,

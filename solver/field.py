@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .budget import Budget
+from .budget import EXACT_AT_SENSORS, Budget
 from .containment import Containment
 from .exchange import Rows, Scan, make_sources
 from .exchange import products as multiplied
@@ -53,8 +53,6 @@ Hidden = NDArray[np.bool_] | None
 
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
-#: The same for the form factors above which pairs are traced.
-SENSOR_EXACT = 0.025
 #: Exitance of elements told by lines of sight, against the mean of all surfaces.
 BRIGHT = 4.0
 #: Error of factors told by one point against that of other unoccluded factors: it has either sign,
@@ -306,7 +304,8 @@ class FieldSolver:
             before = None if self.mesh_before is None else self.mesh_before.halved
             gather = partial(self.light_at, budget=budget, field=field)
             lamps = self._flux_of_lamps(field), budget.eps
-            finer = finer_light(field, weights, gather, lamps, budget.gathered, before)
+            count = budget.gathered(len(field.unknowns))
+            finer = finer_light(field, weights, gather, lamps, count, before)
         self.stages.figures["lamp_flux_put_right"] = finer.put_right
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})
         return finer
@@ -375,7 +374,11 @@ class FieldSolver:
         sources = field.sources
         fine = sources._replace(
             cell_eps=sources.cell_eps * SENSOR_SHARE,
-            exact_above=sources.cell_eps * (SENSOR_EXACT * budget.exact_above / budget.cell_eps),
+            exact_above=np.where(
+                field.fineness.bright,
+                sources.cell_eps * (EXACT_AT_SENSORS * budget.accuracy / budget.cell_eps),
+                sources.cell_eps * (budget.sensor_exact_above / budget.cell_eps),
+            ),
             azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
             point_from=np.full_like(sources.point_from, np.inf),
         )

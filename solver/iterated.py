@@ -34,8 +34,6 @@ from .unknowns import Unknowns
 if TYPE_CHECKING:
     from .field import Field
 
-#: Rows of pieces that are always found, and share of those of the mesh that are found beyond.
-ROWS, SHARE = 4096, 1.0
 #: Light that varies in an element by this share of its mean is taken for the least variation: the
 #: nodes may miss what lies between them.
 LEAST = 0.05
@@ -127,7 +125,7 @@ def finer_light(
     weights: FloatArray,
     gather: Gather,
     lamps: tuple[dict[str, FloatArray], float],
-    share: float = SHARE,
+    count: int,
     before: IntArray | None = None,
 ) -> Finer:
     """The light of ``field`` on halved elements.
@@ -143,12 +141,12 @@ def finer_light(
     lamps : tuple of dict of (b,) arrays and float
         What lamps send to the scene, by light group, where that is known [lm], and the accuracy of
         form factors.
-    share : float
-        Rows that are found beyond those that always are, against those of the mesh.
+    count : int
+        Rows that may be found.
     before : (c,) int array, optional
         Elements halved in a run before this one: they are again unless others matter more.
     """
-    chosen, unseen = _chosen(field, weights, share, before)
+    chosen, unseen = _chosen(field, weights, count, before)
     if not len(chosen):
         # Nothing is known of how light varies over elements: by as little as is taken elsewhere.
         least = LEAST * field.unknowns.mean(luminous(field.all_sent))
@@ -226,7 +224,7 @@ def as_it_is(field: Field) -> Finer:
 
 
 def _chosen(
-    field: Field, weights: FloatArray, share: float, before: IntArray | None = None
+    field: Field, weights: FloatArray, count: int, before: IntArray | None = None
 ) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
@@ -244,8 +242,8 @@ def _chosen(
     before = None if before is None else before[~whole[before]]
     order = np.argsort(-worth, kind="stable")
     order = order[(worth > 0.0)[order] & ~whole[order]]
-    count = int(max(ROWS, share * len(unknowns))) // unknowns.halves_of
-    chosen, total = np.sort(order[:count]), float(worth.sum())
+    chosen = np.sort(order[: count // unknowns.halves_of])
+    total = float(worth.sum())
     if before is not None and worth[chosen].sum() <= AS_GOOD * worth[before].sum():
         chosen = before
     seen = float(worth[chosen].sum())

@@ -279,13 +279,15 @@ def test_what_light_varies_over_needs_form_factors_alone(many):
 def test_large_meshes_have_fewer_lines_a_node_and_one_node_on_what_is_small(monkeypatch):
     data = room()
     few = budget.Budget.of(data, 0.02)
-    assert not few.is_large and few.gathered == budget.GATHERED
+    assert not few.is_large and few.gathered(10_000) == 10_000 * budget.GATHERED
+    assert few.gathered(10) == budget.PIECES
     monkeypatch.setattr(budget, "MANY_ELEMENTS", few.elements // 2)
     many = budget.Budget.of(data, 0.02)
     assert many.elements == few.elements and many.is_large
     assert few.lines == 250 and many.lines == budget.LINES_OF_MANY
     assert many.sights == budget.SIGHTS_OF_MANY < few.sights
-    assert many.small > few.small and many.gathered == budget.GATHERED_OF_MANY
+    assert many.small > few.small
+    assert many.gathered(200_000) == 200_000 * budget.GATHERED_OF_MANY
     # No more than a small mesh has.
     monkeypatch.setattr(budget, "LINES_OF_MANY", 64)
     assert budget.Budget.of(data, 0.5).lines == 48
