@@ -44,6 +44,9 @@ GATHERED, GATHERED_OF_MANY = 1.0, 0.05
 #: Error against the change by the iterated gather in large meshes, whose elements are coarse for
 #: the shadows on them: what they lose to places that see less of the scene, it shows in part.
 CHANGE_OF_MANY = 3.0
+#: Error far from the elements against its change as they are halved, 1 / (2^p - 1) where it falls
+#: with the power p of their size: of elements that are coarse for the shadows on them, the first.
+FAR, FAR_OF_MANY = 1.0 / 3.0, 1.0
 #: Share and number of elements that may be added where direct light changes.
 MORE, MORE_AT_LEAST = 0.5, 60
 #: Elements that are added in scenes with lamps: what the estimate of the time takes for usual.
@@ -247,6 +250,11 @@ class Budget:
         share = GATHERED_OF_MANY if self.is_large else GATHERED
         loose = max(1.0, self.accuracy / PIECES_ACCURACY)
         return int(max(PIECES, share * unknowns) / loose)
+
+    @property
+    def far(self) -> float:
+        """Error of light far from the elements against what the iterated gather changed."""
+        return FAR_OF_MANY if self.is_large else FAR
 
     def unseen(self, left: float) -> float:
         """By how much more light is wrong than the iterated gather changed.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .budget import EXACT_AT_SENSORS, Budget
 from .containment import Containment
-from .exchange import Rows, Scan, make_sources
+from .exchange import ROUNDING, Rows, Scan, make_sources
 from .exchange import products as multiplied
 from .fineness import Fineness
 from .highlights import Highlights
@@ -40,6 +40,7 @@ from .radiosity import RadiositySystem
 from .renewed import renewed_rows
 from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
+from .rule_error import OF_RULES, rule_error
 from .shut_in import hide, shut_in
 from .sights import unsighted, with_sights
 from .stages import Stages
@@ -186,7 +187,8 @@ class FieldSolver:
         )
         # Where the sky is told exactly, what the meridians see of it does not count.
         horizon = self._incidence.horizon
-        exact = horizon.is_plain and bool((blockers.flags & PLANAR != 0).all())
+        self._all_flat = bool((blockers.flags & PLANAR != 0).all())
+        exact = horizon.is_plain and self._all_flat
         self._under_sky = None if exact else self._factors.rows
         self.bands, self.webs = self._incidence.bands, self._incidence.webs
         self.lamp_groups = self._incidence.lamp_groups
@@ -416,8 +418,11 @@ class FieldSolver:
 
     def gather(
         self, grid: Sensors, seen: SensorRows, field: Field, finer: Finer
-    ) -> tuple[Gathered, FloatArray]:
-        """Light at sensors, and how far (m,) its indirect part may be wrong by the mesh. [lx]"""
+    ) -> tuple[Gathered, FloatArray, FloatArray]:
+        """Light at sensors, how far (m,) its indirect part may be wrong by the mesh, and by rules.
+
+        All in lx.
+        """
         asked, columns = seen.asked, [*finer.sent.values(), finer.change]
         with self.stages.run("sensors"):
             every, unknowns = field.every, finer.unknowns
@@ -427,9 +432,22 @@ class FieldSolver:
         variance = variance_of(seen.rows, seen.mirrored, luminous(field.exitance_told))
         light = Gathered.of(seen.light, indirect, variance)
         light = self.highlights.added(light, grid, seen.rows, field, finer, asked.budget)
-        elements = field.surfaces.elements
-        doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change))
-        return light, doubt
+        elements, far = field.surfaces.elements, asked.budget.far
+        doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change), far)
+        return light, doubt, self._rules(seen, field, light)
+
+    def _rules(self, seen: SensorRows, field: Field, light: Gathered) -> FloatArray:
+        """Error (m,) that the rules for unoccluded factors leave in the light of sensors. [lx]"""
+        asked, sent = seen.asked, luminous(field.exitance_told)
+        eps = self._factors.eps(asked)
+        error, told = rule_error(seen.rows, asked, self.blockers, eps, sent)
+        rest = light.luminous() - told
+        if self._all_flat and not self.panes.any:
+            # Past flat surfaces sky and ground are integrated to the error counted as sampled.
+            for name in ("sky.direct", "ground.direct"):
+                rest -= luminous(light.components.get(name, np.zeros((len(told), self.bands))))
+        rules = OF_RULES * FINE_SHARE * asked.budget.eps + ROUNDING
+        return np.asarray(error + rules * np.maximum(rest, 0.0))
 
     def outside(self, receivers: Receivers, budget: Budget) -> Light:
         """Direct light of sky, sun and ground on any receivers, as at sensors."""

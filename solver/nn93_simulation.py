@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from .errors import InputError
+from .exchange import ROUNDING
 from .field import Field, FieldSolver
 from .iterated import as_it_is
 from .mesh import Boxes
@@ -20,6 +21,8 @@ from .model.arrays import FloatArray
 from .model.scene import SceneData
 from .nn93_field import CornerField, CornerSolver, Eyes
 from .reuse import Kept
+from .row_finder import FINE_SHARE
+from .rule_error import OF_RULES
 from .simulation import Options, Simulation, Solved
 from .stages import Stages
 
@@ -84,8 +87,9 @@ class Nn93Simulation(Simulation):
             light = solver.highlights.added(
                 light, grid, corners.rows(seen), field, finer, self.budget
             )
-            sensors[grid.name] = self._sensor_result(k, light, shift)
-            without_mesh[grid.name] = self._sensor_result(k, light, np.zeros(len(grid)))
+            rules = (OF_RULES * FINE_SHARE * self.budget.eps + ROUNDING) * light.luminous()
+            sensors[grid.name] = self._sensor_result(k, light, shift + rules)
+            without_mesh[grid.name] = self._sensor_result(k, light, rules)
         return Solved(field, finer, balance, error, sensors, without_mesh)
 
     def _count(self, field: Field) -> None:

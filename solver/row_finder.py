@@ -23,7 +23,7 @@ from .tables import meridians
 
 #: Accuracy of unoccluded factors at sensors, and where nothing hides anything, against that of
 #: other pairs: no average over nodes and meridians hides it there.
-FINE_SHARE = 0.1
+FINE_SHARE = 0.05
 #: How often wrong rows are found anew, how much finer each time, and the inverse of the share of
 #: the rows that this is done for at most: all together cost no more than twice the first pass.
 LEVELS, FINER = 2, 4

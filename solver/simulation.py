@@ -25,14 +25,11 @@ from .model.reached import accuracies_reached, accuracy_message
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .reuse import STORE, Kept, Mesh, forget
-from .row_finder import FINE_SHARE
+from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
 from .topology import is_single, make_blockers
 
-#: Error of unoccluded factors against the accuracy that their rules are chosen for: beside a lamp
-#: 2.6 times as much was found.
-OF_RULES = 3.0
 #: How often the mesh is cut further where the accuracy asked for is not reached.
 REFINEMENTS = 3
 #: Ways to solve a scene.
@@ -253,7 +250,7 @@ class Simulation:
             elements=field.surfaces.elements,
             components=light.components,
             exitance=field.surfaces.emitted + finer.reflected,
-            element_error_lx=_error(light, on_elements, self.budget.eps),
+            element_error_lx=self._element_error(light, on_elements),
             sensors=sensors,
             images=images,
             balance=solved.balance,
@@ -361,12 +358,14 @@ class Simulation:
         error = MeshError.of_finer(finer, abs(balance.residual_fraction), unseen)
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
-            gathered, doubt = solver.gather(grid, seen[k], field, finer)
-            sensors[grid.name] = self._sensor_result(k, gathered, error.of(gathered, doubt))
-            without_mesh[grid.name] = self._sensor_result(k, gathered, np.zeros(len(grid)))
+            gathered, doubt, rules = solver.gather(grid, seen[k], field, finer)
+            mesh = error.of(gathered, doubt)
+            sensors[grid.name] = self._sensor_result(k, gathered, mesh + rules)
+            without_mesh[grid.name] = self._sensor_result(k, gathered, rules)
         return Solved(field, finer, balance, error, sensors, without_mesh)
 
-    def _sensor_result(self, index: int, gathered: Gathered, shift: FloatArray) -> SensorResult:
+    def _sensor_result(self, index: int, gathered: Gathered, more: FloatArray) -> SensorResult:
+        """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]"""
         grid = self.scene.sensors[index]
         components = {name: luminous(v) for name, v in gathered.components.items()}
         return SensorResult(
@@ -375,7 +374,7 @@ class Simulation:
             normals=grid.normals,
             area_m2=grid.area_m2,
             illuminance_lx=gathered.luminous(),
-            error_lx=_error(gathered, shift, FINE_SHARE * self.budget.eps),
+            error_lx=more + 2.0 * gathered.deviation,
             components=components,
             daylight_factor=self._daylight_factor(components),
             outline=grid.outline,
@@ -484,12 +483,11 @@ class Simulation:
         """Whether the estimated error is within the accuracy asked at 95 % of the sensors."""
         return all(e <= self.budget.accuracy for e in accuracies_reached(sensors).values())
 
+    def _element_error(self, light: Gathered, shift: FloatArray) -> FloatArray:
+        """Half-width (n,) of the error on elements, ``shift`` being that of the mesh. [lx]
 
-def _error(light: Gathered, shift: FloatArray, eps: float) -> FloatArray:
-    """Half-width (m,) of the numerical error. [lx]
-
-    Mesh: ``shift``. Sampling of partly hidden cells: two standard deviations.
-    Quadrature and rounding: the accuracy ``eps`` of unoccluded factors, and theirs, of the value.
-    """
-    rules = OF_RULES * eps + ROUNDING
-    return np.asarray(shift + 2.0 * light.deviation + rules * light.luminous())
+        Sampling of partly hidden cells: two standard deviations. Quadrature and rounding: the
+        accuracy of unoccluded factors, and theirs, of the value.
+        """
+        rules = OF_RULES * self.budget.eps + ROUNDING
+        return np.asarray(shift + 2.0 * light.deviation + rules * light.luminous())

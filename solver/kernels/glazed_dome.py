@@ -311,7 +311,7 @@ def glazed_rows(
             for k in range(3):
                 x[k], n[k] = nodes[i, q, k], normals[i, q, k]
             rounding = horizon_tolerance(x)
-            walls = 0
+            walls = looked = 0
             see_blockers(blockers, x, n, rounding, scratch.shifted, scratch.state)
             for b in range(first):
                 if scratch.state[b] != NO_BLOCKER:
@@ -376,11 +376,12 @@ def glazed_rows(
                             ):
                                 _turn(cell)
                             visible_factor(
-                                cell, (p * _CELLS + top) * 64 + deep, x, n, cone, front, plain,
-                                nowhere, eps, cell_eps, rounding,
+                                cell, looked, x, n, cone, front, plain, nowhere, eps, cell_eps,
+                                rounding,
                                 tone if where == _ABOVE else dark, blockers, listed, hidden,
                                 scratch, seen,
                             )  # fmt: skip
+                            looked += 1
                             if where == _ABOVE:
                                 out[i, SKY] += w * mean[0] * seen[0]
                                 out[i, SKY_PLAIN] += w * mean[1] * seen[0]

@@ -25,8 +25,8 @@ class Body:
         Bodies of one non-negative number bound one closed solid, so that none of their backs is
         seen; −1 for a surface in the open.
     sky : bool
-        An opening that shows the overcast sky, ``radiance`` that of the zenith, darkness below the
-        horizon. It is no surface.
+        An opening that shows the sky of the case, ``radiance`` that of the zenith, darkness below
+        the horizon. It is no surface.
     """
 
     shape: Shape
@@ -99,6 +99,9 @@ class Case:
         How the truth is found and how good it is.
     patchlight, radiance, mitsuba : tuple
         Settings from quick to slow.
+    sun : (float, float), optional
+        Altitude, and azimuth clockwise from north (+y), of the sun of a clear sky, CIE type 12,
+        whose disc is left out [deg]; the traditional overcast sky without.
     """
 
     name: str
@@ -111,6 +114,7 @@ class Case:
     patchlight: tuple[OurSetting, ...]
     radiance: tuple[RadianceSetting, ...] = ()
     mitsuba: tuple[MitsubaSetting, ...] = field(default=())
+    sun: tuple[float, float] | None = None
 
     @property
     def reflects(self) -> bool:

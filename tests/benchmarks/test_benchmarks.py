@@ -158,6 +158,40 @@ def test_window_lets_in_what_a_vertical_plane_gets_of_the_sky():
     assert (4.0 * fine - coarse) / 3.0 == pytest.approx(1.0, abs=2e-4)
 
 
+@pytest.mark.slow
+def test_clear_sky_through_the_window_on_other_meshes():
+    """Cells of other sizes, and the luminance by the solver's own formula, which is separate."""
+    import dataclasses
+
+    import truth_window
+    from cases.d2_window import CLEAR, CLEAR_ROOM, SUN
+    from patchlight.solver.model import CIESky
+    from patchlight.solver.skies import relative_luminance
+
+    d = np.random.default_rng(1).normal(size=(3, 400))
+    d[1], d[2] = -np.abs(d[1]), np.abs(d[2])
+    sky = CIESky(12, sun_altitude_deg=SUN[0], sun_azimuth_deg=SUN[1])
+    luminance = truth_window._luminance(CLEAR_ROOM, *d, np.linalg.norm(d, axis=0))
+    np.testing.assert_allclose(luminance, relative_luminance(sky, d.T), rtol=1e-12)
+    few = slice(None, None, 7)
+    points, normals = CLEAR.points[few], CLEAR.normals[few]
+    direct = truth_window.direct(CLEAR_ROOM, points, normals)
+    finer = truth_window.direct(CLEAR_ROOM, points, normals, 40)
+    np.testing.assert_allclose(direct, finer, rtol=1e-6)
+    other = dataclasses.replace(
+        CLEAR_ROOM,
+        lines=(
+            (0.0, 0.03, 0.12, 0.3, 0.55, 0.8, 0.95, 1.25, 1.6, 2.0),
+            (0.0, 0.03, 0.12, 0.35, 0.7, 1.1, 1.6, 2.2, 2.9, 3.7, 4.5, 5.1, 5.6, 5.85, 5.96, 6.0),
+            (0.0, 0.03, 0.12, 0.3, 0.6, 0.9, 1.05, 1.4, 1.8, 2.1, 2.3, 2.45, 2.6, 2.67, 2.7),
+        ),
+    )
+    one, two = (truth_window._gather(other, k, points, normals) for k in (1, 2))
+    # On two meshes errors of h² cancel: 3e-5 are left; on three both agree to 6e-6.
+    truth = CLEAR.truth()[few]
+    np.testing.assert_allclose(direct + (4.0 * two - one) / 3.0, truth, rtol=5e-5)
+
+
 def test_cost_is_read_off_between_points():
     from measure import Point, cost
 

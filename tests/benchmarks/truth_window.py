@@ -1,14 +1,17 @@
-"""Radiosity in a box with a window under the overcast sky, mirror-symmetric in x.
+"""Radiosity in a box with a window under the sky; the box is mirror-symmetric in x.
 
 The collocation of `truth_room` on half of the room, on meshes with borders at the heights of sill
-and head, where what the walls get of the sky has kinks. Direct light is a sum by Gauss' rule over
-the part of the opening above each point's horizon [1], at the sensors' cells too: only what is
-reflected is interpolated.
+and head, where what the walls get of the sky has kinks. Light that is not symmetric is the sum of
+an even and an odd part. Direct light is a sum by Gauss' rule over the part of the opening above
+each point's horizon, at the sensors' cells too: only what is reflected is interpolated.
 
 References
 ----------
 .. [1] P. Moon and D. E. Spencer, "Illumination from a non-uniform sky", Illuminating Engineering
    37, 1942, pp. 707-726: L = (1 + 2 sin γ) / 3 of the zenith's.
+.. [2] CIE S 011/E:2003, "Spatial distribution of daylight - CIE standard general sky", type 12:
+   (1 − exp(−0.32 / sin γ)) (1 + 10 (exp(−3 χ) − exp(−3 π/2)) + 0.45 cos² χ), over its value in the
+   zenith; χ is the angle from the sun.
 """
 
 from __future__ import annotations
@@ -24,6 +27,9 @@ from truth_room import FACES
 #: Points of Gauss' rule over the opening: nothing lies nearer to it than 0.4 m, for which 32 leave
 #: 1e-6 at worst.
 _ORDER = 48
+#: The same in each of the four parts about the sun, towards which points crowd as the cube of their
+#: number: the luminance has a cusp there.
+_ORDER_CUSP = 20
 #: Meshes, by cells a coarsest cell, and weights that cancel errors of h² and h⁴.
 _MESHES, _WEIGHTS = (1, 2, 3), (1.0 / 24.0, -16.0 / 15.0, 81.0 / 40.0)
 
@@ -32,10 +38,12 @@ _MESHES, _WEIGHTS = (1, 2, 3), (1.0 / 24.0, -16.0 / 15.0, 81.0 / 40.0)
 class WindowRoom(truth_room.Room):
     """A box with an opening in the wall y = 0: (x0, x1, z0, z1), zenith luminance 1.
 
-    ``lines`` run from 0 to half the width in x, and over all the room in y and z.
+    ``lines`` run from 0 to half the width in x, and over all the room in y and z. The sky is the
+    overcast one [1], or the clear one [2] with its glow about ``sun``, a unit vector outwards.
     """
 
     opening: tuple[float, float, float, float]
+    sun: tuple[float, float, float] | None = None
 
 
 def irradiance(room: WindowRoom, points: FloatArray, normals: FloatArray) -> FloatArray:
@@ -47,27 +55,72 @@ def irradiance(room: WindowRoom, points: FloatArray, normals: FloatArray) -> Flo
 
 
 def direct(
-    room: WindowRoom, points: FloatArray, normals: FloatArray, order: int = _ORDER
+    room: WindowRoom, points: FloatArray, normals: FloatArray, order: int | None = None
 ) -> FloatArray:
     """Irradiance (n,) that comes from the sky. [W/m²]"""
-    t, w = np.polynomial.legendre.leggauss(order)
-    t, w = 0.5 * (t + 1.0), 0.5 * w
     x0, x1, z0, z1 = room.opening
     out = np.zeros(len(points))
     for start in range(0, len(points), 500):
         p, n = points[start : start + 500], normals[start : start + 500]
         low = np.clip(p[:, 2], z0, z1)
-        dx = (x0 + (x1 - x0) * t)[None, :, None] - p[:, 0, None, None]
-        dz = (low[:, None] + (z1 - low)[:, None] * t - p[:, 2, None])[:, None, :]
+        if room.sun is None:
+            (x, wx), (z, wz) = (_rule(a, b, order or _ORDER) for a, b in ((x0, x1), (low, z1)))
+        else:
+            # Where the sun would be seen in the plane of the opening, or the place next to that.
+            away = p[:, 1] / -room.sun[1]
+            at = np.clip(p[:, 0] + away * room.sun[0], x0, x1)
+            height = np.clip(p[:, 2] + away * room.sun[2], low, z1)
+            x, wx = _crowded(x0, at, x1, order or _ORDER_CUSP)
+            z, wz = _crowded(low, height, z1, order or _ORDER_CUSP)
+        dx, dz = (x - p[:, 0, None])[:, :, None], (z - p[:, 2, None])[:, None, :]
         dy = -p[:, 1, None, None]
-        square = dx * dx + dy * dy + dz * dz
-        r = np.sqrt(np.maximum(square, 1e-300))
+        square = np.maximum(dx * dx + dy * dy + dz * dz, 1e-300)
         up = np.maximum(n[:, 0, None, None] * dx + n[:, 1, None, None] * dy
                         + n[:, 2, None, None] * dz, 0.0)  # fmt: skip
-        light = (1.0 + 2.0 * dz / r) / 3.0 * up * -dy / np.maximum(square, 1e-300) ** 2
-        area = (x1 - x0) * (z1 - low)
-        out[start : start + 500] = area * np.einsum("nab,a,b->n", light, w, w)
+        light = _luminance(room, dx, dy, dz, np.sqrt(square)) * up * -dy / square**2
+        out[start : start + 500] = np.einsum("nab,na,nb->n", light, wx, wz)
     return out
+
+
+def _rule(low, high, order: int) -> tuple[FloatArray, FloatArray]:
+    """Abscissae and weights (n, order), or (1, order), of Gauss' rule between bounds."""
+    t, w = np.polynomial.legendre.leggauss(order)
+    low, size = np.atleast_1d(low)[:, None], np.atleast_1d(high - low)[:, None]
+    return low + size * 0.5 * (t + 1.0), size * 0.5 * w
+
+
+def _crowded(low, at: FloatArray, high, order: int) -> tuple[FloatArray, FloatArray]:
+    """Abscissae and weights (n, 2 order) on both sides of ``at`` (n,), crowded towards it."""
+    t, w = _rule(0.0, 1.0, order)
+    ends = np.stack(np.broadcast_arrays(low - at, high - at), axis=1)[:, :, None]
+    shape = (len(at), 2 * order)
+    return (at[:, None, None] + ends * t**3).reshape(shape), (
+        np.abs(ends) * 3.0 * t**2 * w
+    ).reshape(shape)
+
+
+def _luminance(room: WindowRoom, dx, dy, dz, r) -> FloatArray:
+    """Luminance of the sky in some directions of length ``r``; 1 in the zenith."""
+    sine = dz / r
+    if room.sun is None:
+        return np.asarray((1.0 + 2.0 * sine) / 3.0)
+    cosine = (dx * room.sun[0] + dy * room.sun[1] + dz * room.sun[2]) / r
+    # The length of what is across tells small angles to all digits.
+    across = np.sqrt(
+        (dy * room.sun[2] - dz * room.sun[1]) ** 2
+        + (dz * room.sun[0] - dx * room.sun[2]) ** 2
+        + (dx * room.sun[1] - dy * room.sun[0]) ** 2
+    )
+    with np.errstate(divide="ignore"):
+        gradation = 1.0 - np.exp(-0.32 / np.maximum(sine, 0.0))
+    glow = _glow(np.arctan2(across / r, cosine))
+    return np.asarray(gradation * glow / ((1.0 - np.exp(-0.32)) * _glow(np.arccos(room.sun[2]))))
+
+
+def _glow(angle) -> FloatArray:
+    return np.asarray(
+        1.0 + 10.0 * (np.exp(-3.0 * angle) - np.exp(-1.5 * np.pi)) + 0.45 * np.cos(angle) ** 2
+    )
 
 
 class _Mesh(truth_room._Mesh):
@@ -109,22 +162,35 @@ def _reflected(room: WindowRoom, mesh: _Mesh) -> list[FloatArray]:
     kept = [slice(None) if face == 2 else slice(half) for face in faces]
     shapes = [cells[f][0][k].shape[:2] for f, k in zip(faces, kept, strict=True)]
     ends = np.cumsum([0] + [a * b for a, b in shapes])
-    matrix, first = np.empty((ends[-1], ends[-1])), np.empty(ends[-1])
+    # Even and odd light: what cells beyond the middle count.
+    signs = (1.0,) if room.sun is None else (1.0, -1.0)
+    matrices, first = np.empty((len(signs), ends[-1], ends[-1])), np.empty((2, ends[-1]))
     for face, keep, r0 in zip(faces, kept, ends, strict=False):
         at, normals = (a[keep].reshape(-1, 3) for a in cells[face])
-        first[r0 : r0 + len(at)] = direct(room, at, normals)
+        rows = slice(r0, r0 + len(at))
+        first[0, rows] = direct(room, at, normals)
+        other = at * (-1.0, 1.0, 1.0) + (room.size[0], 0.0, 0.0)
+        first[1, rows] = (
+            direct(room, other, normals * (-1.0, 1.0, 1.0)) if room.sun else first[0, rows]
+        )
         for start in range(0, len(at), 200):
             p, n = at[start : start + 200], normals[start : start + 200]
             f = [truth_room._factors(room, mesh, k, p, n) * rho[k][None] for k in range(6)]
-            folded = [f[2] + f[3] if k == 2 else f[k][:, :half] + f[k][:, : half - 1 : -1]
-                      for k in faces]  # fmt: skip
             row = slice(r0 + start, r0 + start + len(p))
-            matrix[row] = np.concatenate([g.reshape(len(g), -1) for g in folded], axis=1)
-    solved = np.linalg.solve(np.eye(len(matrix)) - matrix, matrix @ first)
+            for sign, matrix in zip(signs, matrices, strict=True):
+                folded = [f[2] + sign * f[3] if k == 2
+                          else f[k][:, :half] + sign * f[k][:, : half - 1 : -1]
+                          for k in faces]  # fmt: skip
+                matrix[row] = np.concatenate([g.reshape(len(g), -1) for g in folded], axis=1)
+    near, far = np.zeros((2, ends[-1]))
+    for sign, matrix in zip(signs, matrices, strict=True):
+        part = 0.5 * (first[0] + sign * first[1])
+        solved = np.linalg.solve(np.eye(len(matrix)) - matrix, matrix @ part)
+        near, far = near + solved, far + sign * solved
     out = []
     for face, r0, shape in zip(faces, ends, shapes, strict=False):
-        part = solved[r0 : r0 + shape[0] * shape[1]].reshape(shape)
-        out += [part, part] if face == 2 else [np.concatenate([part, part[::-1]], axis=0)]
+        one, two = (a[r0 : r0 + shape[0] * shape[1]].reshape(shape) for a in (near, far))
+        out += [one, two] if face == 2 else [np.concatenate([one, two[::-1]], axis=0)]
     return out
 
 

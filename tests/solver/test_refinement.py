@@ -358,7 +358,7 @@ def aligned_truth(made, gap, size):
     budget = dataclasses.replace(budget, size=0.0)
     field = solver.solve(budget, boxes)
     seen = solver.seen(made.sensors[0], budget, field)
-    found, _ = solver.gather(made.sensors[0], seen, field, solver.finer(field, budget, [seen]))
+    found, *_ = solver.gather(made.sensors[0], seen, field, solver.finer(field, budget, [seen]))
     return found.luminous("indirect")
 
 

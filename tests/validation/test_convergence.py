@@ -27,7 +27,7 @@ def errors_of_meshes(reference, divisions, basis):
         boxes = Boxes.regular(counts, np.zeros(len(counts), bool))
         field = solver.solve(budget, boxes)
         seen = solver.seen(data.sensors[0], budget, field)
-        light, _ = solver.gather(data.sensors[0], seen, field, as_it_is(field))
+        light, *_ = solver.gather(data.sensors[0], seen, field, as_it_is(field))
         found.append(float(np.sqrt(np.mean((light.luminous() / truth - 1.0) ** 2))))
     return np.array(found)
 

@@ -4,38 +4,34 @@ import numpy as np
 import pytest
 
 #: What solves in little time at the accuracies asked for.
-QUICK = ("C2_rho50", "C3", "C3_surf", "CIE_5.3", "D2", "dome", "spheres")
+QUICK = ("C2_rho50", "C3", "C3_surf", "CIE_5.3", "CIE_5.7", "D2", "D2_clear", "dome", "spheres")
+#: Root mean square below which the true error is none to speak of.
+NONE = 1e-6
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [0.3, 0.1])
 def test_stated_errors_hold(accuracy):
-    """In every scene, not only in all of them together."""
+    """In every scene, not only in all of them together, and are no more than ten times too large.
+
+    That is the median of the scenes' medians; where errors of one sign happen to cancel, a scene
+    may have more.
+    """
     from references import reference
     from stated_errors import cover
 
+    over = []
     for name in QUICK:
         one = reference(name)
         found = cover(one, accuracy, one.truth())
         assert found.covered >= 0.95, found
         assert found.rms_true <= accuracy, found
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("accuracy", [0.3, 0.1])
-def test_stated_errors_of_a_straight_shadow(accuracy):
-    """What an edge hides of elements in a row has errors of one sign, which add up.
-
-    They are stated as if each were by itself, and hold at fewer points than elsewhere; they are
-    still no more than twice too small, and no more than ten times too large in the median.
-    """
-    from references import reference
-    from stated_errors import cover
-
-    one = reference("CIE_5.7")
-    found = cover(one, accuracy, one.truth())
-    assert found.covered >= 0.75 and found.needed <= 2.0, found
-    assert found.stated_to_true <= 10.0, found
+        if found.rms_true > NONE:
+            assert found.stated_to_true <= 30.0, found
+            over.append(found.stated_to_true)
+        else:
+            assert found.rms_stated <= 10.0 * NONE, found
+    assert np.median(over) <= 10.0, over
 
 
 def test_a_row_of_the_table():

@@ -1,10 +1,12 @@
-"""A room with a window under the traditional overcast sky: the work plane."""
+"""A room with a window under the overcast and under the clear sky: the work plane."""
 
+import dataclasses
 from itertools import pairwise
 
 import numpy as np
 import truth_window
 from case import Body, Case, RadianceSetting, accuracies, samples
+from patchlight.solver.model.sky import direction
 from shapes import Rectangle
 
 SIZE = (4.0, 6.0, 2.7)
@@ -64,4 +66,16 @@ CASE = Case(
         RadianceSetting((4, 4), "-ds 0.1 -ab 6 -aa 0.15 -ar 128 -ad 1024 -as 256"),
     ),
     mitsuba=samples(256, 1024, 4096, 16384, depth=24, direct="mis"),
+)
+#: The sun stands 30 degrees from south towards east, so that its glow is seen through the window.
+SUN = (40.0, 150.0)
+CLEAR_ROOM = dataclasses.replace(ROOM, sun=direction(*SUN))
+CLEAR = dataclasses.replace(
+    CASE,
+    name="D2_clear",
+    title="the same room under the clear sky, its sun left out, work plane",
+    truth=lambda: truth_window.irradiance(CLEAR_ROOM, PLANE, UPWARD),
+    how="collocation on three meshes, extrapolated (1e-5)",
+    mitsuba=(),
+    sun=SUN,
 )

@@ -117,9 +117,18 @@ def scene_data(case: Case) -> SceneData:
         faces=(),
         materials=tuple(Material(level) for level in levels),
         luminaires=tuple(lamps),
-        sky=CIESky(16, zenith_luminance_cd_m2=zenith[0]) if zenith else None,
+        sky=_sky(case, zenith[0]) if zenith else None,
         ground=None,
         sensors=(Sensors("sensors", case.points, case.normals),),
+    )
+
+
+def _sky(case: Case, zenith: float) -> CIESky:
+    if case.sun is None:
+        return CIESky(16, zenith_luminance_cd_m2=zenith)
+    altitude, azimuth = case.sun
+    return CIESky(
+        12, sun_altitude_deg=altitude, sun_azimuth_deg=azimuth, zenith_luminance_cd_m2=zenith
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from case import Case, RadianceSetting
+from patchlight.solver.model.sky import direction
 from radiance_scene import polygon_text
 from tools import Missing, Run
 
@@ -12,6 +13,12 @@ AHEAD = 1e-4
 
 #: Luminance of the traditional overcast sky against the zenith's; Dz is the sine of the altitude.
 OVERCAST = "if(Dz,(1+2*Dz)/3,0)"
+#: The same of CIE type 12 with the sun in the direction (x, y, z).
+CLEAR = (
+    "if(Dz,(1-exp(-0.32/Dz))*(1+10*(exp(-3*acos(Dx*{x}+Dy*{y}+Dz*{z}))-exp(-1.5*PI))"
+    "+0.45*sq(Dx*{x}+Dy*{y}+Dz*{z}))/((1-exp(-0.32))*(1+10*(exp(-3*acos({z}))-exp(-1.5*PI))"
+    "+0.45*sq({z}))),0)"
+)
 
 #: No cache and no interpolation unless the setting asks for them, and nothing left to chance.
 BASE = "-aa 0 -as 0 -av 0 0 0 -dt 0 -dc 1 -dj 0 -dr 0 -st 1 -u+".split()
@@ -64,7 +71,7 @@ def scene_text(case: Case, cut: tuple[int, int]) -> str:
             level = f"{body.radiance * scale:.9g}"
             pattern = "void"
             if body.sky:
-                lines.append(f"void brightfunc p{k} 2 {OVERCAST} . 0 0")
+                lines.append(f"void brightfunc p{k} 2 {_luminance(case)} . 0 0")
                 pattern = f"p{k}"
             lines.append(f"{pattern} light m{k} 0 0 3 {level} {level} {level}")
             lines += polygon_text(f"m{k}", f"b{k}", rings)
@@ -78,3 +85,10 @@ def scene_text(case: Case, cut: tuple[int, int]) -> str:
             text = " ".join(f"{x:.10g}" for x in np.asarray(numbers))
             lines.append(f"m{k} {kind} b{k} 0 0 {len(numbers)} {text}")
     return "\n".join(lines) + "\n"
+
+
+def _luminance(case: Case) -> str:
+    if case.sun is None:
+        return OVERCAST
+    x, y, z = direction(*case.sun)
+    return CLEAR.format(x=f"({x:.12f})", y=f"({y:.12f})", z=f"({z:.12f})")
