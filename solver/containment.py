@@ -34,11 +34,16 @@ class Volumes:
         Closed parts with +normals outwards.
     parts : int
         Number of parts of the scene.
+
+    Attributes
+    ----------
+    caster : RayCaster
+        Of the patches.
     """
 
     def __init__(self, patches: PatchSet, parts: int) -> None:
         self._part_of = frozen(patches.part_index, np.int64)
-        self._caster = RayCaster(patches)
+        self.caster = RayCaster(patches)
         self._boxes = _part_boxes(patches, parts)
 
     @classmethod
@@ -60,7 +65,7 @@ class Volumes:
         check_finite("points", p)
         if not len(self._part_of):
             return np.full(len(p), -1)
-        arrays = (*self._caster.arrays, self._part_of, self._boxes)
+        arrays = (*self.caster.arrays, self._part_of, self._boxes)
         return np.asarray(containing_parts(*arrays, p, _DIRECTIONS))
 
 
@@ -83,7 +88,9 @@ class Containment:
         in_air = air[patches.part_index] if air.size else np.zeros(len(patches), dtype=bool)
         rows = np.flatnonzero(closed & ~in_air)
         self._solids = Volumes(patches.take(rows), len(scene.parts))
-        self._closed = RayCaster(patches.take(np.flatnonzero(closed)))
+        every = np.flatnonzero(closed)
+        same = len(every) == len(rows)
+        self._closed = self._solids.caster if same else RayCaster(patches.take(every))
 
     def parts_at(self, points: ArrayLike) -> IntArray:
         """Row of a part whose material each point (m, 3) lies in, −1 for none: (m,) int. [m]"""

@@ -79,7 +79,7 @@ def is_packed(unknowns: int, elements: int) -> bool:
     if unknowns > (VARYING_UNKNOWNS if varying else DENSE_UNKNOWNS):
         return True
     need = PAIR_BYTES * unknowns * elements + (KEPT_BYTES * unknowns**2 if varying else 0)
-    return need >= PAIR_BYTES * SMALL_MATRIX and not has_room(need)
+    return not has_room(need)
 
 
 def packed_room(columns: int) -> int | None:
@@ -162,16 +162,16 @@ def check_bytes(need: int, what: str) -> None:
 
 
 def has_room(need: int) -> bool:
-    """Whether so much memory is free. [B]"""
+    """Whether so much memory is free; what is small is taken to be. [B]"""
+    if need < PAIR_BYTES * SMALL_MATRIX:
+        return True
     free = available_bytes()
     return free is None or need <= free
 
 
 def fits(elements: int, largest_grid: int = 0, more: int = 0) -> bool:
     """Whether a mesh can be made; see `needed_bytes`."""
-    free = available_bytes()
-    need = needed_bytes(elements, largest_grid, more)
-    return free is None or need <= free
+    return has_room(needed_bytes(elements, largest_grid, more))
 
 
 def available_bytes(root: Path = Path("/")) -> int | None:

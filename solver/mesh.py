@@ -16,16 +16,23 @@ from .model.patches import PatchSet
 #: Largest turn of the normal inside an element: beyond it a constant exitance and a single
 #: horizon make no sense. [rad]
 MAX_TURN = math.radians(46.0)
+#: Places along u and v at which patches are measured, and how far inside the outermost normals are
+#: taken: collapsed edges have none.
+_PLACES, _INSIDE = 7, 1e-3
 
 
 def patch_extent(patches: PatchSet) -> tuple[FloatArray, FloatArray]:
     """Mean lengths (p, 2) [m] along u and v, and turns of the normal (p, 2) [rad]."""
-    n = len(patches)
-    t = np.linspace(0.0, 1.0, 7)
-    u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
-    points, su, sv = (a.reshape(n, 7, 7, 3) for a in surface_points(patches.control_points, u, v))
-    inner = slice(1, 6)  # collapsed edges have no normal
-    normals = np.cross(su, sv)[:, inner, inner]
+    n, k = len(patches), _PLACES
+    ends = np.linspace(0.0, 1.0, k), np.linspace(_INSIDE, 1.0 - _INSIDE, k)
+    u, v = (
+        np.concatenate([g.ravel() for g in both])
+        for both in zip(*(np.meshgrid(t, t, indexing="ij") for t in ends), strict=True)
+    )
+    found = surface_points(patches.control_points, u, v)
+    points = found[0][:, : k * k].reshape(n, k, k, 3)
+    su, sv = (a[:, k * k :].reshape(n, k, k, 3) for a in found[1:])
+    normals = np.cross(su, sv)
     size = np.linalg.norm(normals, axis=3, keepdims=True)
     normals = np.where(size > 0.0, normals / np.maximum(size, 1e-300), 0.0)
     lengths, turns = np.empty((n, 2)), np.empty((n, 2))
@@ -34,8 +41,7 @@ def patch_extent(patches: PatchSet) -> tuple[FloatArray, FloatArray]:
         lengths[:, axis] = run.sum(axis=1 + axis).max(axis=1)
         chord = (np.diff(normals, axis=1 + axis) ** 2).sum(axis=3)
         step = 2.0 * np.arcsin(np.minimum(1.0, 0.5 * np.sqrt(chord)))
-        # Five of seven stations: scale the turn up to the whole patch.
-        turns[:, axis] = step.sum(axis=1 + axis).max(axis=1) * 1.5
+        turns[:, axis] = step.sum(axis=1 + axis).max(axis=1)
     return lengths, turns
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
 from .model.arrays import FloatArray, IntArray, check_shape, frozen
-from .model.bezier import sub_net
+from .model.bezier import split_matrix
 from .model.patches import PatchSet
 
 #: Curved patches are cut in 2 x 2 pieces, and in 4 x 4 when that shrinks the boxes to this share.
@@ -157,18 +158,22 @@ def _pieces(nets: FloatArray, kinds: IntArray) -> tuple[IntArray, FloatArray, Fl
 
 def _cut_boxes(nets: FloatArray, k: int) -> FloatArray:
     """Boxes (n, k², 6) around the control points of k x k pieces, u-major. [m]"""
-    out = np.empty((len(nets), k * k, 6))
-    if not len(nets):
-        return out
-    for i in range(k):
-        for j in range(k):
-            piece = sub_net(nets, i / k, (i + 1) / k, j / k, (j + 1) / k) if k > 1 else nets
-            points = (piece[..., :3] / piece[..., 3:]).reshape(len(nets), 16, 3)
-            low, high = points.min(axis=1), points.max(axis=1)
-            # The patch test accepts hits within rounding outside the surface.
-            slack = 64 * _EPS * np.maximum(np.abs(low), np.abs(high)).max(axis=1, keepdims=True)
-            out[:, i * k + j, :3], out[:, i * k + j, 3:] = low - slack, high + slack
-    return out
+    cut = _cuts(k)
+    along_v = cut @ nets.reshape(-1, 4, 4)
+    pieces = cut @ along_v.reshape(len(nets), 4, 16 * k)
+    points = pieces.reshape(len(nets), k, 4, k, 4, 4)
+    points = points[..., :3] / points[..., 3:]
+    low, high = (f(axis=(2, 4)).reshape(len(nets), k * k, 3) for f in (points.min, points.max))
+    # The patch test accepts hits within rounding outside the surface.
+    slack = 64 * _EPS * np.maximum(np.abs(low), np.abs(high)).max(axis=2, keepdims=True)
+    return np.concatenate([low - slack, high + slack], axis=2)
+
+
+@cache
+def _cuts(k: int) -> FloatArray:
+    """What takes the coefficients of a cubic to those of its k equal parts: (4 k, 4)."""
+    ends = np.arange(k + 1) / k
+    return split_matrix(ends[:-1], ends[1:]).reshape(4 * k, 4)
 
 
 def _half_areas(boxes: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ In homogeneous form H(t) = A(t) − x w(t) the weights cancel: (r × dr)/|r|² =
 rational cubic edge needs no division by w, and an edge at infinity (w = 0, a direction) is an edge
 like any other. Parts below the receiver's horizon are cut off at the roots of n · H(t) and closed
 along the horizon plane, where the integrand is the angle turned through; which way round is known
-modulo a whole only, and `patch_factor` settles it.
+modulo a whole only, and `enclosed` settles it.
 
 Shifted nets ``s`` are (4, 4, 4): ``s[i, j, :3]`` = A − x w, ``s[i, j, 3]`` = w.
 
@@ -523,3 +523,23 @@ def contour_factor(s, n, eps, rounding):
         load_edge(s, k, c)
         walk_piece(c, n, eps, rounding, breaks, walk)
     return end_walk(n, walk)
+
+
+@lean
+def enclosed(value, dips, doubt):
+    """Form factor of what shows its + side throughout by its contour's value; −1 for unknown.
+
+    Closed along the horizon the long way round, a contour is a whole off. So it is where the net
+    ``dips``: its boundary is above the horizon throughout, but some of what it encloses may be
+    below. As that shows its + side too, and ends in the horizon, it fills all of the lower
+    hemisphere and counts −1. Values within ``doubt`` of 0 leave open whether there is any.
+    """
+    if value < -0.25:
+        value += 1.0
+    elif dips and value <= doubt:
+        return -1.0
+    elif value > 1.25:
+        value -= 1.0
+    if -doubt <= value <= 1.0 + doubt:
+        return max(0.0, value)
+    return -1.0

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from .compiled import kernel, lean
-from .contour import contour_factor, cubic_point, load_edge
+from .contour import contour_factor, cubic_point, enclosed, load_edge
 from .nets import (
     ALWAYS_FRONT,
     copy_net,
@@ -86,16 +86,6 @@ def _centre_estimate(s, n, h, hu, hv):
     return g * up / (math.pi * r2 * r2)
 
 
-@lean
-def _modulo_whole(value):
-    """A contour's value moved by a whole where it is far from the share of a hemisphere it is."""
-    if value < -0.25:
-        return value + 1.0
-    if value > 1.25:
-        return value - 1.0
-    return value
-
-
 @kernel
 def patch_factor(s, x, n, cone, flags, quadric, eps, rounding):
     """Form factor, ignoring other surfaces, of the lit side of shifted net ``s`` above the horizon.
@@ -128,12 +118,11 @@ def patch_factor(s, x, n, cone, flags, quadric, eps, rounding):
     facing = 1 if flags & ALWAYS_FRONT else facing_of(s, cone, rounding)
     if facing < 0:
         return 0.0
-    # Where the contour is closed along the horizon the long way round, it is a whole off.
     doubt = max(2.5 * eps, 1e-9)
-    if facing > 0 and not (low > 0.0 and inner < 0.0):
-        value = _modulo_whole(contour_factor(s, n, eps, rounding))
-        if -doubt <= value <= 1.0 + doubt:
-            return max(0.0, value)
+    if facing > 0:
+        value = enclosed(contour_factor(s, n, eps, rounding), low > 0.0 and inner < 0.0, doubt)
+        if value >= 0.0:
+            return value
 
     stack = np.empty((_STACK, 4, 4, 4))
     depth = np.empty(_STACK, dtype=np.int64)
@@ -160,7 +149,7 @@ def patch_factor(s, x, n, cone, flags, quadric, eps, rounding):
             if value >= 0.0:
                 total += value
                 continue
-        facing = 1
+        facing, sampled = 1, False
         if not flags & ALWAYS_FRONT:
             normal_cone(cell, own)
             if 0.0 < own[3] < 1.5:
@@ -190,7 +179,7 @@ def patch_factor(s, x, n, cone, flags, quadric, eps, rounding):
                 if front == 4 and _on_edge(cell, edge, h):
                     front, near = -1, False
             if front == 4:
-                facing = 1
+                facing, sampled = 1, True
             elif near and level < _DEEPEST_NEAR:
                 last = False
             elif front == 0:
@@ -198,10 +187,10 @@ def patch_factor(s, x, n, cone, flags, quadric, eps, rounding):
             elif front > 0 and min(low, inner) > 0.0:
                 total += max(0.0, chord_leaf(cell, n, eps, g, edge, h, hu, hv))
                 continue
-        if facing > 0 and (last or not dips):
-            value = _modulo_whole(contour_factor(cell, n, eps, rounding))
-            if last or -doubt <= value <= 1.0 + doubt:
-                total += max(0.0, value)
+        if facing > 0 and (last or not (dips and sampled)):
+            value = enclosed(contour_factor(cell, n, eps, rounding), dips, doubt)
+            if value >= 0.0:
+                total += value
                 continue
         if last:
             total += _centre_estimate(cell, n, h, hu, hv)

@@ -23,6 +23,7 @@ from .contour import (
     WALK,
     begin_walk,
     cubic,
+    enclosed,
     end_walk,
     load_edge,
     sign_breaks,
@@ -33,6 +34,9 @@ from .nets import heights, surface, weight_at
 
 #: Values of Xᵀ Q P within this share of their terms are rounding: that of a fitted Q.
 _ROUNDING = 1e-12
+#: Curvature against the largest below which a quadric is straight: a fitted cylinder. What bends
+#: the other way by as much shows its back for less than its square of a form factor.
+_EVEN = 1e-10
 #: Height over the quadric, against the patch, below which a receiver is on it: there the contour
 #: may pass through the receiver, and the side seen is lost in rounding.
 _ON = 1e-9
@@ -80,6 +84,25 @@ def side_values(s, polar, f):
             low, high = min(low, value), max(high, value)
             size = max(size, abs(a) + abs(b))
     return low, high, _ROUNDING * size
+
+
+@lean
+def hollow(quadric):
+    """Whether the + side of a quadric is the inside of an ellipsoid, paraboloid or cylinder.
+
+    From any place inside, all of the surface shows its + side: Pᵀ Q P > 0 is convex where the part
+    of Q that is quadratic in p is negative semidefinite, which its principal minors tell.
+    """
+    a, b, c = -quadric[0, 0], -quadric[1, 1], -quadric[2, 2]
+    d, e, f = -quadric[0, 1], -quadric[0, 2], -quadric[1, 2]
+    size = a + b + c
+    zero = -_EVEN * size
+    if size <= 0.0 or min(a, min(b, c)) < zero:
+        return False
+    if min(a * b - d * d, min(a * c - e * e, b * c - f * f)) < zero * size:
+        return False
+    whole = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
+    return whole >= zero * size * size
 
 
 @lean
@@ -428,11 +451,14 @@ def quadric_factor(s, x, n, quadric, eps, rounding):
     low, high, zero = side_values(s, polar, f)
     if high <= zero:
         return 0.0
+    if low < -zero and polar[3] > 0.0 and hollow(quadric):
+        low = 0.0  # control points outside tell less
     least, inner, most = heights(s, n)
     if most <= rounding:
         return 0.0
-    if least > 0.0 and inner < 0.0:
-        return math.nan  # it may dip through the horizon inside its boundary
+    dips = least > 0.0 and inner < 0.0
+    if dips and low < -zero:
+        return math.nan  # whether what dips is the side seen would have to be told
     breaks, walk = np.empty(8), np.empty(WALK)
     pieces = np.empty((_INTERVALS + 1, 4, 3))
     if low >= -zero:
@@ -456,12 +482,5 @@ def quadric_factor(s, x, n, quadric, eps, rounding):
         if share * walk_size(walk) <= needed or share <= 1e-14:
             break
         share = max(0.3 * needed / walk_size(walk), 1e-14)
-    # Closed along the horizon the long way round it is a whole off.
-    if value < -0.25:
-        value += 1.0
-    elif value > 1.25:
-        value -= 1.0
-    doubt = max(2.5 * eps, 1e-9)
-    if -doubt <= value <= 1.0 + doubt:
-        return max(0.0, value)
-    return math.nan
+    value = enclosed(value, dips, max(2.5 * eps, 1e-9))
+    return value if value >= 0.0 else math.nan

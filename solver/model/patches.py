@@ -202,14 +202,13 @@ class PatchSet:
 
     def normals(self, u: ArrayLike, v: ArrayLike) -> FloatArray:
         """Unit +normals (p, ..., 3); NaN where a patch is degenerate."""
-        rows = []
-        for net in self.control_points:
-            _, su, sv = bezier.tangents(net, u, v)
-            n = np.cross(su, sv)
-            length = np.linalg.norm(n, axis=-1, keepdims=True)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                rows.append(np.where(length > 0.0, n / length, np.nan))
-        return np.array(rows).reshape((len(self), *np.broadcast(u, v).shape, 3))
+        places = np.broadcast_arrays(np.asarray(u, np.float64), np.asarray(v, np.float64))
+        _, su, sv = bezier.surface_points(self.control_points, *(a.ravel() for a in places))
+        n = np.cross(su, sv)
+        length = np.linalg.norm(n, axis=-1, keepdims=True)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            n = np.where(length > 0.0, n / length, np.nan)
+        return n.reshape((len(self), *places[0].shape, 3))
 
     def areas(self) -> FloatArray:
         """Areas (p,). [m²]"""

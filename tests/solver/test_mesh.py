@@ -77,8 +77,22 @@ def test_divisions_follow_size_and_turn():
     # A quarter turn is cut in two although the size would allow one element.
     sphere = PatchSet.sphere((0, 0, 0), 1.0)
     counts = divisions(sphere, 2.0)
-    assert (counts >= 2).all()
+    assert (counts == 2).all()
     assert 0.5 * math.pi / counts.min() <= MAX_TURN
+
+
+@pytest.mark.parametrize(
+    ("patches", "turn"),
+    [
+        (PatchSet.sphere((0, 0, 0), 1.0), (90.0, 90.0)),
+        (PatchSet.cylinder((0, 0, 0), (0, 0, 3), 0.5), (90.0, 0.0)),
+        (PatchSet.torus((0, 0, 0), (0, 0, 1), 2.0, 0.5), (90.0, 90.0)),
+    ],
+)
+def test_turns_of_whole_patches(patches, turn):
+    """Up to the edges, but for a thousandth of the parameters on either side."""
+    found = np.degrees(patch_extent(patches)[1])
+    np.testing.assert_allclose(found, np.tile(turn, (len(patches), 1)), rtol=3e-3, atol=1e-9)
 
 
 def test_small_elements_have_one_node():
