@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
+from pathlib import Path
 
 from patchlight.solver.effort import check_effort
 from patchlight.solver.model import Result, SceneData
@@ -12,6 +14,8 @@ from patchlight.solver.model import Result, SceneData
 from .scene import Scene
 
 Progress = Callable[[str, int, int], None]
+#: Folders without compiled kernels that were told of.
+_SAID: set[Path] = set()
 
 
 def simulate(
@@ -119,9 +123,17 @@ def _now() -> str:
 
 
 def announce_kernels(progress: Progress | None) -> None:
-    """Choose the folder of compiled kernels, and say so when they must be compiled first."""
+    """Choose the folder of compiled kernels, and say so when they must be compiled first.
+
+    To ``progress``, else once on stderr: a script would seem to hang.
+    """
     from patchlight.solver.numba_cache import use_cache_folder
 
-    _, warm = use_cache_folder()
-    if not warm and progress is not None:
+    folder, warm = use_cache_folder()
+    if warm:
+        return
+    if progress is not None:
         progress("compiling kernels (once)", 0, 1)
+    elif folder not in _SAID:
+        _SAID.add(folder)
+        print("patchlight: the kernels are compiled on the way, once", file=sys.stderr)

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patchlight.pipeline.simulation import announce_kernels
 from patchlight.solver import numba_cache
 
 PACKAGES = ("importers", "pipeline", "reports", "solver", "solver.model")
@@ -70,3 +71,18 @@ def test_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
     folder, warm = numba_cache.use_cache_folder()
     assert folder.parent == tmp_path / "user" / "patchlight"
     assert not warm
+
+
+def test_first_run_of_a_script_says_once_that_it_compiles(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    if (numba := sys.modules.get("numba")) is not None:
+        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    told = []
+    announce_kernels(None)
+    announce_kernels(None)
+    announce_kernels(lambda *state: told.append(state))
+    assert capsys.readouterr().err.count("compiled") == 1
+    assert told == [("compiling kernels (once)", 0, 1)]
+    (tmp_path / "kernel.nbi").touch()
+    announce_kernels(lambda *state: told.append(state))
+    assert len(told) == 1
