@@ -26,6 +26,7 @@ from .profile_shape import NODES, Shape, between, varies
 from .surfaces import Receivers
 from .topology import writable
 from .unknowns import Unknowns, composite, lagrange, reach
+from .walls import walls_under
 
 #: Gauss points a direction in the parts of near elements.
 PART_NODES = 6
@@ -159,9 +160,12 @@ class Emission:
                 share = receivers.weights[some, node]
                 if not share.any():
                     continue
+                x, n = receivers.nodes[some, node], receivers.normals[some, node]
+                walls = walls_under(x[:, None], n[:, None], share[:, None], sources.wall_spheres)
                 spread_rows(
-                    writable(receivers.nodes[some, node]),
-                    writable(receivers.normals[some, node]),
+                    writable(x),
+                    writable(n),
+                    walls,
                     ones[some],
                     own,
                     self.basis,
@@ -217,6 +221,7 @@ class Emission:
 def _basis(points: FloatArray, vectors: FloatArray) -> Basis:
     """Polynomials through the nodes (c, k, 3) of elements."""
     c, k = points.shape[:2]
+    size = np.linalg.norm(vectors, axis=2)
     gauss, weight = gauss_rule(PART_NODES)
     at = np.zeros((2, EDGE_NODES**2, 4 * k))
     at[0, :, :k] = between(EDGE_NODES)
@@ -226,6 +231,7 @@ def _basis(points: FloatArray, vectors: FloatArray) -> Basis:
         rule=writable(gauss_rule(NODES)[0]),
         points=writable(points.reshape(-1, 3)),
         vectors=writable(vectors.reshape(-1, 3)),
+        share=writable((size / size.sum(axis=1, keepdims=True)).ravel()),
         at=at,
         gauss=writable(gauss),
         weight=writable(weight),
@@ -237,6 +243,7 @@ def _taken(sources: Sources, rows: IntArray) -> Sources:
     return sources._replace(
         nets=writable(sources.nets[rows]),
         spheres=writable(sources.spheres[rows]),
+        wall=writable(sources.wall[rows], np.int64),
         area_point=writable(sources.area_point[:, rows]),
         area_normal=writable(sources.area_normal[:, rows]),
     )

@@ -15,6 +15,7 @@ from .kernels.bulk import form_factor_rows
 from .kernels.closure import multiply, sum_rows
 from .kernels.edges import Edges
 from .kernels.facets import Facets
+from .kernels.nets import PLANAR
 from .kernels.packed import add_products
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
@@ -28,6 +29,7 @@ from .quadrics import fit_quadrics, turned
 from .skies import sky_tone
 from .tables import meridians, no_facets
 from .topology import bounding_spheres, normal_cones, shape_flags, writable
+from .walls import find_walls, walls_under
 
 #: Rows per kernel call at least, and pairs: short enough to report progress and to obey Ctrl-C.
 ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 512, 16384
@@ -179,6 +181,10 @@ def make_sources(
     group_nets[flip] = group_nets[flip][:, ::-1]
     flags = shape_flags(group_nets)
     cones = normal_cones(elements.nets)
+    quadrics = np.zeros((len(first), 5, 4))
+    curved = np.flatnonzero(flags & PLANAR == 0)
+    quadrics[curved] = turned(fit_quadrics(patch_nets[patch[curved]]), flip[curved])
+    quadrics = np.repeat(quadrics, end - first, axis=0)
     edges = make_edges(
         elements.nets,
         patch_nets,
@@ -193,9 +199,7 @@ def make_sources(
         cones=cones,
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
-        quadrics=writable(
-            turned(fit_quadrics(patch_nets)[elements.patch_index], elements.side == 1)
-        ),
+        quadrics=writable(quadrics),
         cell_eps=writable(cell_eps),
         patch=writable(elements.patch_index, np.int64),
         group=writable(np.stack([first, end, patch], axis=1), np.int64),
@@ -206,6 +210,7 @@ def make_sources(
         exact_above=np.zeros(len(key)) if scan is None else writable(scan.exact_above),
         point_from=_point_from(edges, scan),
         dim=np.ones(len(key)) if dim is None else writable(dim),
+        **find_walls(quadrics, elements.areas)._asdict(),
         **edges._asdict(),
         **(no_facets() if scan is None else scan.facets)._asdict(),
     )
@@ -287,6 +292,7 @@ def form_factor_matrix(
     tone = sky_tone(CIESky(5, zenith_luminance_cd_m2=1.0) if sky is None else sky)
     own = np.full(m, -1) if own is None else own
     lifts = np.zeros(m) if lifts is None else lifts
+    walls = walls_under(nodes, normals, weights, sources.wall_spheres)
     block = max(ROWS_PER_BLOCK, PAIRS_PER_BLOCK // max(n, 1))
     for start in range(0, m, block):
         rows = slice(start, min(start + block, m))
@@ -296,6 +302,7 @@ def form_factor_matrix(
             writable(weights[rows]),
             writable(patches[rows], np.int64),
             writable(own[rows], np.int64),
+            walls[rows],
             writable(lifts[rows]),
             first + start,
             sources,
@@ -320,4 +327,7 @@ def form_factor_matrix(
             progress(rows.stop, m)
     total = counters.sum(axis=0)
     counted = {name: int(total[c]) for name, c in COUNTERS.items()}
+    by_area = np.bincount(sources.wall[sources.wall >= 0], minlength=len(sources.wall_spheres))
+    nodes_on = (weights > 0.0).sum(axis=1)[walls >= 0]
+    counted["pairs_by_area"] = int(by_area[walls[walls >= 0]] @ nodes_on)
     return Rows(factors, variances, counted, outside, sums)

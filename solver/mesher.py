@@ -24,6 +24,7 @@ from .refinement import Looked, Refiner
 from .reuse import Kept, Mesh
 from .stages import Stages
 from .surfaces import reflectances
+from .topology import is_single
 
 #: Distance above a surface at which it is asked whether something lies on it, relative to the
 #: scene's size.
@@ -81,6 +82,9 @@ class Mesher:
 
     def buried(self, points: FloatArray, normals: FloatArray) -> IntArray:
         """Whether points (m, 3) of surfaces are covered, (m,) bool."""
+        alone = self.scene.opaque_count == len(self.scene.patches)
+        if alone and is_single(self.blockers, self.blockers.hollow):
+            return np.zeros(len(points), dtype=bool)  # there is one convex cavity, and no pane
         low, high = self.scene.patches.bounds()
         distance = CONTACT * float(np.linalg.norm(high - low))
         return self._containment.buried(points, normals, distance)

@@ -215,6 +215,7 @@ def _sources(
     from .quadrics import fit_quadrics
     from .tables import meridians, no_facets
     from .topology import bounding_spheres, normal_cones, shape_flags, writable
+    from .walls import no_walls
 
     # Turned about or over, a surface differs from its source.
     other = (nets != surfaces.nets[place]).any(axis=(1, 2, 3))
@@ -247,4 +248,5 @@ def _sources(
         dim=np.ones(len(nets)),
         **make_edges(nets, nets, rows, whole, np.zeros(len(nets), np.int64), cones)._asdict(),
         **no_facets()._asdict(),
+        **no_walls(len(nets))._asdict(),
     )

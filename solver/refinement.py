@@ -158,9 +158,15 @@ class Refiner:
 
     def _look(self, boxes: Boxes) -> Looked:
         """Light of the lamps in boxes."""
-        light, nearness, areas, lengths = self._light(boxes, *LOOK)
-        told, _, shares, _ = self._light(boxes, *NODES)
-        return Looked(light, told, nearness, areas, shares, lengths)
+        found = [points_in(self.patches, boxes, *rule) for rule in (LOOK, NODES)]
+        points, normals, areas = (
+            np.concatenate(both, axis=1) for both in list(zip(*found, strict=True))[:3]
+        )
+        light, nearness = self._at(boxes, points, normals)
+        k = found[0][2].shape[1]
+        return Looked(
+            light[:, :k], light[:, k:], nearness[:, :k], areas[:, :k], areas[:, k:], found[0][3]
+        )
 
     def _judge(self, boxes: Boxes, looked: Looked) -> tuple[FloatArray, FloatArray]:
         """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]"""
@@ -177,20 +183,20 @@ class Refiner:
 
     def _cut(self, boxes: Boxes) -> Boxes:
         """Both parts of every box, one after the other."""
-        light, _, areas, _ = self._light(boxes, *equal_parts(CUT))
+        points, normals, areas, _ = points_in(self.patches, boxes, *equal_parts(CUT))
+        light = self._at(boxes, points, normals)[0]
         axis, place = best_cut(light.reshape(-1, CUT, CUT), areas.reshape(-1, CUT, CUT))
         return boxes.cut(axis, place / CUT)
 
-    def _light(
-        self, boxes: Boxes, t: FloatArray, weight: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Illuminance, nearness and area (n, k²) at k x k places of boxes, and lengths (n, 2)."""
-        points, normals, areas, lengths = points_in(self.patches, boxes, t, weight)
-        k = areas.shape[1]
+    def _at(
+        self, boxes: Boxes, points: FloatArray, normals: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Illuminance and nearness (n, k) at k points (n, k, 3) of each box."""
+        k = points.shape[1]
         patch = np.repeat(boxes.patch, k)
         found = self.light.at(points.reshape(-1, 3), normals.reshape(-1, 3), patch)
         light, nearness = (values.reshape(-1, k) for values in found)
-        return light, nearness, areas, lengths
+        return light, nearness
 
 
 def best_cut(light: FloatArray, areas: FloatArray) -> tuple[IntArray, IntArray]:

@@ -16,6 +16,7 @@ from .moved import Changed
 from .row_finder import Ask
 from .skies import sky_tone
 from .topology import writable
+from .walls import walls_under
 
 
 def renewed_rows(
@@ -53,6 +54,8 @@ def renewed_rows(
     counters = np.zeros((m, len(COUNTERS)), dtype=np.int64)
     sky = CIESky(5, zenith_luminance_cd_m2=1.0) if scene.sky is None else scene.sky
     lifts = np.zeros(m) if asked.lifts is None else asked.lifts
+    at = receivers.nodes, receivers.normals, receivers.weights
+    walls = walls_under(*at, asked.sources.wall_spheres)
     block = max(ROWS_PER_BLOCK, PAIRS_PER_BLOCK // max(n, 1))
     for start in range(0, m, block):
         some = slice(start, min(start + block, m))
@@ -62,6 +65,7 @@ def renewed_rows(
             writable(receivers.weights[some]),
             writable(receivers.patches[some], np.int64),
             writable(receivers.own[some], np.int64),
+            walls[some],
             writable(lifts[some]),
             asked.first + start,
             asked.sources,

@@ -18,12 +18,13 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 
 from .budget import Budget
-from .exchange import Rows, products
+from .exchange import Rows
 from .fineness import Fineness
 from .memory import available_bytes
 from .mesh import Boxes
@@ -34,7 +35,7 @@ from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
 from .stages import Stages
-from .unknowns import BLOCK, Unknowns
+from .unknowns import Unknowns
 
 Value = TypeVar("Value")
 RowsAndMore = TypeVar("RowsAndMore", bound=tuple[Any, ...])
@@ -314,15 +315,13 @@ class Kept:
 
     def gather(self, unknowns: Unknowns, rows: Rows, asked: Ask, light: FloatArray) -> FloatArray:
         """Light (m, b) that receivers get when the unknowns are ``light`` (N, b)."""
-        if id(rows.factors) not in self._from:
-            how = asked.receivers, asked.sources, asked.budget.moments
-            return unknowns.gather(rows, *how, light)
-        factors = self.factors(unknowns, rows, asked)
-        if unknowns.basis is None:
-            return products(factors, light)
-        # In blocks, as without the store: to the bit the same.
-        blocks = range(0, len(factors), BLOCK)
-        return np.concatenate([products(factors[k : k + BLOCK], light) for k in blocks])
+        how = asked.receivers, asked.sources, asked.budget.moments
+        even = unknowns.even(light, asked.budget.moments)
+        self.stages.count({"pairs_of_even_light": len(rows.factors) * int(even.sum())})
+        known = None
+        if id(rows.factors) in self._from:
+            known = partial(self.factors, unknowns, rows, asked)
+        return unknowns.gather(rows, *how, light, even, known)
 
     def tell(self) -> None:
         """Say which stages were as in a run before: they are skipped, not run."""

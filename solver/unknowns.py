@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,13 @@ from .model.bezier import gauss_rule, surface_points
 from .model.elements import Elements
 from .surfaces import Receivers
 from .topology import writable
+from .walls import walls_under
 
 #: Rows at a time whose factors are spread only to gather light with them.
 BLOCK = 512
+#: Light that varies over an element by this share of what the shares of its nodes may be off is
+#: taken for even: what receivers get is then off by less than a tenth of what it may be.
+EVEN = 0.1
 #: Gauss points a direction in the parts of near elements.
 PART_NODES = 4
 
@@ -162,6 +167,7 @@ class Unknowns:
             rule=writable(rule),
             points=writable(points),
             vectors=writable(normals * areas[:, None]),
+            share=areas / np.bincount(element, weights=areas, minlength=len(elements))[element],
             at=at,
             gauss=writable(gauss),
             weight=writable(weight),
@@ -241,20 +247,52 @@ class Unknowns:
         return out
 
     def gather(
-        self, rows: Rows, receivers: Receivers, sources: Sources, eps: float, light: FloatArray
+        self,
+        rows: Rows,
+        receivers: Receivers,
+        sources: Sources,
+        eps: float,
+        light: FloatArray,
+        even: NDArray[np.bool_] | None = None,
+        known: Callable[[], MatrixArray] | None = None,
     ) -> FloatArray:
-        """Light (m, b) that receivers get when the unknowns are ``light`` (N, b)."""
+        """Light (m, b) that receivers get when the unknowns are ``light`` (N, b).
+
+        Elements that are ``even`` (n,) send the mean of it: their factors are not spread. ``known``
+        finds those of the unknowns where they are kept, asked for only if some are needed.
+        """
         if self.basis is None:
             return products(rows.factors, light)
         m = len(rows.factors)
-        out = np.empty((m, light.shape[1]))
+        even = np.zeros(self.elements, dtype=bool) if even is None else even
+        means = self.mean(light) * even[:, None]
+        out = products(rows.factors, means) if even.any() else np.zeros((m, light.shape[1]))
+        if even.all():
+            return out
+        uneven = np.where(even[self.element, None], 0.0, light)
+        factors = None if known is None else known()
         block = np.empty((min(m, BLOCK), len(self)), dtype=rows.factors.dtype)
         for first in range(0, m, BLOCK):
             some = np.arange(first, min(first + BLOCK, m))
-            part = block[: len(some)]
-            self._spread(rows.factors[some], receivers.take(some), sources, eps, part)
-            out[some] = products(part, light)
+            if factors is not None:
+                part = factors[some]
+            else:
+                part = block[: len(some)]
+                left = np.where(even, rows.factors.dtype.type(0), rows.factors[some])
+                self._spread(left, receivers.take(some), sources, eps, part)
+            out[some] += products(part, uneven)
         return out
+
+    def even(self, light: FloatArray, eps: float) -> NDArray[np.bool_]:
+        """Elements (n,) over which no column of ``light`` (N, b) differs from its mean.
+
+        But for `EVEN` of the error ``eps`` that the shares of nodes may have, of the mean of the
+        brightest column over all elements.
+        """
+        level = float((np.abs(light) * self.areas[:, None]).sum(axis=0).max(initial=0.0))
+        off = np.abs(light - self.mean(light)[self.element]).max(axis=1, initial=0.0)
+        uneven = off * float(self.areas.sum()) > EVEN * eps * level
+        return np.asarray(np.bincount(self.element[uneven], minlength=self.elements) == 0)
 
     def _spread(
         self,
@@ -267,10 +305,12 @@ class Unknowns:
         assert self.basis is not None and receivers.nodes.shape[1] == 1
         # The radius of a square is its side over √2; the nearest point is a radius nearer.
         order = len(self.basis.rule)
+        at = receivers.nodes, receivers.normals, receivers.weights
         far, middle = (1.0 + reach(eps, q) / math.sqrt(2.0) for q in (order, EDGE_NODES))
         spread_rows(
             writable(receivers.nodes[:, 0]),
             writable(receivers.normals[:, 0]),
+            walls_under(*at, sources.wall_spheres),
             factors,
             sources,
             self.basis,

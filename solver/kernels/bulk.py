@@ -1,10 +1,11 @@
 """Rows of form factors, every pair at the price it is worth.
 
 From each node all elements are done in three steps: the unoccluded factors (`edges` for distant
-elements, `patch_factor` for the others), the visible share of each along meridian planes
-(`meridian`, `shares`) or by lines of sight (`sights`, for bright elements), and pyramid tracing
-(`rows`) for the pairs whose unoccluded factor is large. Which pairs are traced depends on the
-unoccluded factor alone: to choose by what the meridians found would lose what they missed.
+elements and the walls of spheres, `patch_factor` for the others), the visible share of each along
+meridian planes (`meridian`, `shares`) or by lines of sight (`sights`, for bright elements), and
+pyramid tracing (`rows`) for the pairs whose unoccluded factor is large. Which pairs are traced
+depends on the unoccluded factor alone: to choose by what the meridians found would lose what they
+missed.
 
 One thread owns one row, so the result has the same bits for any number of threads.
 """
@@ -17,7 +18,7 @@ import numpy as np
 from .closure import sum_row
 from .compiled import lean, parallel
 from .contour import horizon_tolerance, shift_net
-from .edges import far_factors, find_dark, mean_factors
+from .edges import far_factors, find_dark, mean_factors, wall_factors
 from .meridian import make_lines
 from .nets import CONCAVE, CONVEX, PLANAR
 from .patch_factor import patch_factor
@@ -73,12 +74,13 @@ def near_factors(x, n, own_patch, sources, blockers, eps, rounding, near, count,
 
 @lean
 def _unoccluded(
-    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, integral, s, dark, factors,
-    near, counters,
+    x, n, own_patch, own, wall, sources, blockers, near_ratio, eps, rounding, integral, s, dark,
+    factors, near, counters,
 ):  # fmt: skip
     """Unoccluded form factors from one node to all elements into ``factors`` (n,)."""
     find_dark_groups(x, n, own_patch, own, sources, blockers, dark)
     mean_factors(x, n, sources, sources.point_from, factors)
+    wall_factors(wall, sources, factors)
     left = far_factors(
         x, n, sources, sources.group, dark, sources.cones, sources.spheres, sources.dim,
         sources.point_from, near_ratio, eps, sources.azimuths.shape[0] == 0, integral, factors,
@@ -125,8 +127,8 @@ def _add(weight, plain, wanted, share, deviation, factors, variances):
 
 @parallel
 def form_factor_rows(
-    nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
-    trace, levels, tone, chunks, double, single, variances, outside, sums, counters,
+    nodes, normals, weights, patches, own, walls, lifts, first_row, sources, blockers, near_ratio,
+    eps, trace, levels, tone, chunks, double, single, variances, outside, sums, counters,
 ):  # fmt: skip
     """Form factors from receivers with q nodes each to all sources.
 
@@ -138,6 +140,8 @@ def form_factor_rows(
         Weight of each node; those of a receiver sum to 1, or are all 0 (no light).
     patches, own : (m,) int array
         Patch and element each receiver lies on, −1 in the open.
+    walls : (m,) int array
+        Row of ``sources.wall_spheres`` on whose inner side each lies, −1 elsewhere.
     lifts : (m,) array
         How far the facets may lie before the surface the receiver is on: shares are taken from
         a point that much above it. [m]
@@ -193,8 +197,8 @@ def form_factor_rows(
                     lifted[k] = x[k] + lifts[i] * n[k]
                 rounding = horizon_tolerance(x)
                 _unoccluded(
-                    x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding,
-                    integral, s, dark, plain, near, counters[i],
+                    x, n, patches[i], own[i], walls[i], sources, blockers, near_ratio, eps,
+                    rounding, integral, s, dark, plain, near, counters[i],
                 )  # fmt: skip
                 if not trace:
                     counters[i, UNOCCLUDED] += _add_plain(weight, plain, factors)
@@ -215,8 +219,8 @@ def form_factor_rows(
                     )  # fmt: skip
                 if any_wanted:
                     trace_row(
-                        x, n, patches[i], sources, blockers, eps, scratch, wanted, plain, s,
-                        weight, factors, spread, counters[i],
+                        x, n, patches[i], walls[i], sources, blockers, eps, scratch, wanted, plain,
+                        s, weight, factors, spread, counters[i],
                     )  # fmt: skip
             sums[i, 0], sums[i, 1] = sum_row(factors), sum_row(spread)
             for j in range(count_elements):

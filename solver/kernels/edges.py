@@ -113,6 +113,19 @@ def mean_factors(x, n, edges, square_from, factors):
 
 
 @lean
+def wall_factors(wall, sources, factors):
+    """Form factors of the wall of a hollow sphere, for receivers on it, into ``factors`` (n,).
+
+    ``wall`` is the sphere's row, −1 for other receivers. See `walls`.
+    """
+    if wall < 0:
+        return
+    for j in range(factors.shape[0]):
+        if sources.wall[j] == wall:
+            factors[j] = sources.wall_share[j]
+
+
+@lean
 def edge_integrals(x, n, edges, first, end, integral):
     """Contour integrals of edges ``first`` … ``end``, seen from ``x`` with normal ``n``.
 

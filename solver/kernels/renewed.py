@@ -11,7 +11,7 @@ from .bulk import find_dark_groups, near_factors, turn_of
 from .closure import sum_row
 from .compiled import lean, parallel
 from .contour import horizon_tolerance
-from .edges import far_factors, mean_factors
+from .edges import far_factors, mean_factors, wall_factors
 from .meridian import make_lines
 from .pyramid import make_scratch
 from .rows import SCANNED, trace_row
@@ -20,12 +20,13 @@ from .shares import ROOM, find_shares, make_shares
 
 @lean
 def _unoccluded(
-    x, n, own_patch, own, sources, blockers, near_ratio, eps, rounding, asked, integral, s, dark,
-    factors, near,
+    x, n, own_patch, own, wall, sources, blockers, near_ratio, eps, rounding, asked, integral, s,
+    dark, factors, near,
 ):  # fmt: skip
     """Unoccluded form factors from one node to the elements ``asked`` for, 0 for all others."""
     find_dark_groups(x, n, own_patch, own, sources, blockers, dark)
     mean_factors(x, n, sources, sources.point_from, factors)
+    wall_factors(wall, sources, factors)
     for j in range(factors.shape[0]):
         factors[j] = factors[j] if asked[j] else 0.0
     left = far_factors(
@@ -56,8 +57,8 @@ def _add(weight, plain, asked, exact_above, wanted, share, deviation, factors, v
 
 @parallel
 def renew_rows(
-    nodes, normals, weights, patches, own, lifts, first_row, sources, blockers, near_ratio, eps,
-    levels, tone, chunks, again, asked, factors, variances, outside, sums, counters,
+    nodes, normals, weights, patches, own, walls, lifts, first_row, sources, blockers, near_ratio,
+    eps, levels, tone, chunks, again, asked, factors, variances, outside, sums, counters,
 ):  # fmt: skip
     """Find some form factors anew, along the same meridians as `bulk.form_factor_rows`.
 
@@ -104,8 +105,8 @@ def renew_rows(
                     lifted[k] = x[k] + lifts[i] * n[k]
                 rounding = horizon_tolerance(x)
                 _unoccluded(
-                    x, n, patches[i], own[i], sources, blockers, near_ratio, eps, rounding,
-                    asked[i], integral, s, dark, plain, near,
+                    x, n, patches[i], own[i], walls[i], sources, blockers, near_ratio, eps,
+                    rounding, asked[i], integral, s, dark, plain, near,
                 )  # fmt: skip
                 flat = own[i] if lifts[i] == 0.0 else -1
                 turn = turn_of((first_row + i) * nodes.shape[1] + q)
@@ -122,8 +123,8 @@ def renew_rows(
                 counters[i, SCANNED] += added if added >= 0 else -1 - added
                 if added < 0:
                     trace_row(
-                        x, n, patches[i], sources, blockers, eps, scratch, wanted, plain, s,
-                        weight, row, spread, counters[i],
+                        x, n, patches[i], walls[i], sources, blockers, eps, scratch, wanted, plain,
+                        s, weight, row, spread, counters[i],
                     )  # fmt: skip
             sums[i, 0], sums[i, 1] = sum_row(row), sum_row(spread)
             for j in range(count_elements):

@@ -40,6 +40,8 @@ class Sources(NamedTuple):
         A point of each. [m]
     group_cones, group_spheres
         As above, for the whole patch side.
+    wall, wall_share, wall_spheres
+        Which lie on the inner sides of spheres, as in `walls.Walls`.
     edge_origin … mean_parts
         Gauss nodes on the edges and in the elements, as in `edges.Edges`.
     panel_points … sight_areas
@@ -66,6 +68,9 @@ class Sources(NamedTuple):
     group_points: np.ndarray
     group_cones: np.ndarray
     group_spheres: np.ndarray
+    wall: np.ndarray
+    wall_share: np.ndarray
+    wall_spheres: np.ndarray
     edge_origin: np.ndarray
     edge_point: np.ndarray
     edge_tangent: np.ndarray
@@ -135,13 +140,15 @@ def apart(source, blocker):
 
 @kernel
 def trace_row(
-    x, n, own_patch, sources, blockers, eps, scratch, wanted, single, s, weight,
+    x, n, own_patch, wall, sources, blockers, eps, scratch, wanted, single, s, weight,
     factors, variances, counters,
 ):  # fmt: skip
     """Add ``weight`` times the form factors of the wanted elements from one node to ``factors``.
 
     Parameters
     ----------
+    wall : int
+        Row of ``sources.wall_spheres`` on whose inner side the node is, −1 elsewhere.
     wanted : (n,) bool array
         Which elements.
     single : (n,) array
@@ -161,6 +168,10 @@ def trace_row(
             view_cone(x, blockers.spheres[b], views[awake])
             active[awake] = b
             awake += 1
+    along = np.zeros(blockers.nets.shape[0], dtype=np.bool_)
+    for g in range(sources.group.shape[0] if wall >= 0 else 0):
+        if sources.wall[sources.group[g, 0]] == wall:
+            along[sources.group[g, 2]] = True
     for g in range(sources.group.shape[0]):
         first, end, patch = sources.group[g, 0], sources.group[g, 1], sources.group[g, 2]
         some = False
@@ -173,6 +184,8 @@ def trace_row(
         # Inside a convex cavity every wall faces every other.
         inside = own_patch >= 0 and blockers.hollow[solid] and blockers.solid[own_patch] == solid
         view_cone(x, sources.group_spheres[g], cone)
+        # Between two places of a sphere's wall there is nothing of it.
+        across = wall >= 0 and sources.wall[first] == wall
         count = own_patch * 0  # not a literal: it would compile the callees once more
         for m in range(awake):
             if apart(cone, views[m]):
@@ -185,6 +198,8 @@ def trace_row(
             ):
                 continue  # seen from one side throughout, a patch does not hide itself
             if blockers.solid[b] == solid and (blockers.bulging[solid] or inside):
+                continue
+            if across and along[b]:
                 continue
             listed[count] = m
             count += 1

@@ -46,6 +46,8 @@ class Basis(NamedTuple):
         Abscissae of the nodes along u and v in a piece, 0 … 1; nodes are in order of u, then v.
     points, vectors : (N, 3) array
         Nodes [m], and the area vectors they stand for [m²].
+    share : (N,) array
+        Share of each in the area of its element.
     at : (2, g, 4 k²) array
         Polynomials of one piece (k² of them) and of 2 x 2 at the Gauss points of
         `edges.Edges.area_point`.
@@ -58,6 +60,7 @@ class Basis(NamedTuple):
     rule: np.ndarray
     points: np.ndarray
     vectors: np.ndarray
+    share: np.ndarray
     at: np.ndarray
     gauss: np.ndarray
     weight: np.ndarray
@@ -217,13 +220,16 @@ class Work(NamedTuple):
 
 
 @parallel
-def spread_rows(points, normals, factors, sources, basis, far, middle, near, out):
+def spread_rows(points, normals, walls, factors, sources, basis, far, middle, near, out):
     """Spread form factors (m, n) from points over the unknowns of the elements.
 
     Parameters
     ----------
     points, normals : (m, 3) array
         Receivers [m] and unit normals.
+    walls : (m,) int array
+        Row of ``sources.wall_spheres`` on whose inner side each lies, −1 elsewhere: from there all
+        of the wall is seen by its area, see `walls`.
     factors : (m, n) array
         Form factors of the elements.
     sources : Sources
@@ -251,6 +257,10 @@ def spread_rows(points, normals, factors, sources, basis, far, middle, near, out
                 for c in range(first, last):
                     out[i, c] = factor
                 continue
+            if walls[i] >= 0 and sources.wall[j] == walls[i]:
+                for c in range(first, last):
+                    out[i, c] = factor * basis.share[c]
+                continue
             sphere = sources.spheres[j]
             square = (x[0] - sphere[0]) ** 2 + (x[1] - sphere[1]) ** 2 + (x[2] - sphere[2]) ** 2
             radius2 = sphere[3] * sphere[3]
@@ -271,8 +281,4 @@ def spread_rows(points, normals, factors, sources, basis, far, middle, near, out
                 continue
             # Nothing of it is above the horizon where it was looked at: by the areas.
             for c in range(first, last):
-                a = basis.vectors[c]
-                moments[c - first] = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-                total += moments[c - first]
-            for c in range(count):
-                out[i, first + c] = factor * moments[c] / total
+                out[i, c] = factor * basis.share[c]

@@ -140,3 +140,21 @@ def test_bad_input():
     with pytest.raises(InputError, match="points"):
         inside_solids(scene, [0.0, 0.0, 0.0])
     assert inside_solids(scene, np.zeros((0, 3))).shape == (0,)
+
+
+def test_nothing_covers_the_wall_of_one_cavity():
+    """The mesher knows without asking; beside another solid it asks."""
+    from patchlight.solver.mesher import CONTACT, Mesher
+    from patchlight.solver.stages import Stages
+
+    from .fixtures_light import Body, scene, setup
+
+    room = Body(PatchSet.box((4, 3, 2), inward=True))
+    block = Body(PatchSet.box((1, 1, 1), center=(0, 0, -0.5)))
+    x, n = np.array([[0.3, 0.2, -1.0], [1.5, 0.2, -1.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+    for bodies, expected in (((room,), [False, False]), ((room, block), [True, False])):
+        parts = setup(*bodies)
+        data = scene(parts)
+        mesher = Mesher(data, parts.blockers, trace=True, stages=Stages())
+        assert mesher.buried(x, n).tolist() == expected
+        assert Containment(data).buried(x, n, CONTACT * 5.0).tolist() == expected
