@@ -8,5 +8,19 @@ from .b_penumbra import CASE as PENUMBRA
 from .c2_cavity import BRIGHT, DARK
 from .c3_room import SURFACES, WORKPLANE
 from .d2_window import CASE as WINDOW
+from .f_conference import CASE as CONFERENCE
 
-CASES = (NEAR, FAR, HEXAGON, SPHERE, CYLINDER, PENUMBRA, DARK, BRIGHT, WORKPLANE, SURFACES, WINDOW)
+CASES = (
+    NEAR,
+    FAR,
+    HEXAGON,
+    SPHERE,
+    CYLINDER,
+    PENUMBRA,
+    DARK,
+    BRIGHT,
+    WORKPLANE,
+    SURFACES,
+    WINDOW,
+    CONFERENCE,
+)
