@@ -16,7 +16,7 @@ class Body:
     Attributes
     ----------
     shape : Shape
-        Where; only its outside shines and reflects.
+        Where; only its outside shines, and reflects unless it is ``two_sided``.
     radiance : float
         Radiance of the outside. [W/(sr m²)]
     reflectance : float
@@ -27,6 +27,8 @@ class Body:
     sky : bool
         An opening that shows the sky of the case, ``radiance`` that of the zenith, darkness below
         the horizon. It is no surface.
+    two_sided : bool
+        The inside reflects like the outside; it never shines.
     """
 
     shape: Shape
@@ -34,6 +36,7 @@ class Body:
     reflectance: float = 0.0
     solid: int = -1
     sky: bool = False
+    two_sided: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,11 +63,12 @@ class RadianceSetting:
 
 @dataclass(frozen=True)
 class MitsubaSetting:
-    """One run of Mitsuba: samples a sensor, longest path, how direct light is found."""
+    """One run of Mitsuba: samples a sensor, longest path, how direct light is found, and a seed."""
 
     samples: int
     depth: int = 1
     direct: str = "nee"
+    seed: int = 0
 
     def __str__(self) -> str:
         return f"{self.direct} multijitter depth {self.depth} spp {self.samples}"

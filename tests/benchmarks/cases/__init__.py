@@ -9,6 +9,7 @@ from .c2_cavity import BRIGHT, DARK
 from .c3_room import SURFACES, WORKPLANE
 from .d2_window import CASE as WINDOW
 from .d2_window import CLEAR as CLEAR_WINDOW
+from .f_conference import CASE as CONFERENCE
 
 CASES = (
     NEAR,
@@ -23,4 +24,5 @@ CASES = (
     SURFACES,
     WINDOW,
     CLEAR_WINDOW,
+    CONFERENCE,
 )

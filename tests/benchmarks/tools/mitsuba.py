@@ -90,7 +90,7 @@ class MitsubaTool:
         n = points.shape[1]
         sampler = mi.load_dict({"type": "multijitter", "sample_count": setting.samples})
         sampler.set_samples_per_wavefront(setting.samples)
-        sampler.seed(rows.start, n * setting.samples)
+        sampler.seed(setting.seed * len(case.points) + rows.start, n * setting.samples)
         row = dr.arange(mi.UInt32, n * setting.samples) // setting.samples
         at = dr.zeros(mi.SurfaceInteraction3f, n * setting.samples)
         at.p = dr.gather(mi.Point3f, mi.Point3f(points), row)
@@ -147,7 +147,7 @@ def _shape(body: Body) -> dict:
     import mitsuba as mi
 
     bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": body.reflectance}}
-    look: dict = {"bsdf": bsdf}
+    look: dict = {"bsdf": {"type": "twosided", "bsdf": bsdf} if body.two_sided else bsdf}
     if body.radiance > 0.0:
         look["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": body.radiance}}
     shape = body.shape.mitsuba()

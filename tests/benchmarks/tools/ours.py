@@ -103,12 +103,15 @@ def scene_data(case: Case) -> SceneData:
             lamp[k] = len(lamps)
             flux = np.pi * body.radiance * area
             lamps.append(Luminaire(f"lamp{k}", "lamps", flux, area, np.ones(3), 4000.0))
+    two_sided = np.array([body.two_sided for body in bodies])[rows]
     back = np.full(len(joined), -1)
     return SceneData(
         patches=patches,
-        two_sided=np.zeros(len(joined), bool),
+        two_sided=two_sided,
         closed=np.array([body.solid >= 0 for body in bodies])[rows],
-        material_index=np.stack([material[rows], np.full(len(joined), BLACK)], axis=1),
+        material_index=np.stack(
+            [material[rows], np.where(two_sided, material[rows], BLACK)], axis=1
+        ),
         luminaire_index=np.stack([lamp[rows], back], axis=1),
         parts=tuple(
             ScenePart(f"part{k}", "case", "patches" if key[0] < 0 else "solid")
