@@ -25,6 +25,7 @@ from .model.elements import Elements
 from .model.patches import PatchSet
 from .model.scene import SceneData
 from .model.sky import Sky, Sun, direction
+from .outside_light import Horizon
 from .panes import make_panes
 from .raycast import RayCaster
 from .row_finder import FINE_SHARE, Ask
@@ -378,7 +379,18 @@ class Mirrors:
             # What the outline would hide of all behind it is what comes through.
             for sign, blockers in ((1.0, window.open), (-1.0, window.shut)):
                 there = self.blockers if blockers is None else blockers
-                found = gather(*places, cells, luminance, there, trace=blockers is not None, **how)
+                trace = blockers is not None
+                if sun is None:
+                    # As they are seen straight: of cells sampled in both, errors would add up.
+                    sky = luminance if isinstance(luminance, Sky) else None
+                    outside = Horizon(there, trace=trace).light(
+                        images, sky, ground=sky is None, **how
+                    )
+                    found = outside.ground if sky is None else outside.sky
+                    if not isinstance(luminance, Sky):
+                        found = found.times(luminance)
+                else:
+                    found = gather(*places, cells, luminance, there, trace=trace, **how)
                 self.stages.count(found.counters)
                 light[looking] += sign * window.share * left * found.illuminance
                 variance[looking] += (window.share * left * found.deviation) ** 2
