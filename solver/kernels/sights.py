@@ -339,16 +339,22 @@ def share_bright(x, n, own, dark, factors, sources, blockers, rounding, count, f
     """
     units, clusters, frame = sources.sight_units, sources.sight_clusters, found.frame
     group, start, views = sources.group, sources.sight_start, found.views
-    count = view_blockers(
-        x, n, frame, sources.group_spheres, dark, sources.unit_ranges, found.listed, count,
-        found.panel_local, sources.panel_corners, views, found.blocking,
-    )  # fmt: skip
+    viewed = False
     for c in range(clusters.shape[0]):
         lit = False
         for u in range(clusters[c, 0], clusters[c, 1]):
-            lit |= not dark[units[u]]
+            g = units[u]
+            if not dark[g]:
+                for j in range(group[g, 0], group[g, 1]):
+                    lit |= factors[j] > 0.0
         if not lit:
             continue
+        if not viewed:
+            viewed = True
+            count = view_blockers(
+                x, n, frame, sources.group_spheres, dark, sources.unit_ranges, found.listed, count,
+                found.panel_local, sources.panel_corners, views, found.blocking,
+            )  # fmt: skip
         meeting = list_meeting(
             sources.sight_spheres[c], x, frame, n, views, count, found.meets, found.close
         )
