@@ -8,6 +8,7 @@ import pytest
 from patchlight.importers import from_cadquery, read_step
 from patchlight.importers.assemble import diagonal
 from patchlight.importers.moments import volume_and_vector
+from patchlight.solver import form_factors
 
 from .many_solids import SOLIDS
 
@@ -87,6 +88,15 @@ def test_the_same_through_a_step_file(name, tmp_path):
     volumes = [volume_and_vector(m.patches.control_points) for m in (direct, read)]
     assert volumes[1][2] == pytest.approx(volumes[0][2], rel=limit)
     assert volumes[1][0] == pytest.approx(volumes[0][0], rel=10.0 * limit)
+
+
+@pytest.mark.slow
+def test_nothing_shows_between_the_patches_of_a_solid():
+    """Furnace: from every point inside a closed solid all directions end on its patches."""
+    solid = from_cadquery(SOLIDS["sphere minus beam"]()).patches.flipped()
+    sums = form_factors(solid, accuracy=1e-4).value.sum(axis=1)
+    # Each factor is known to 1e-4 of the patch's own unoccluded one, which sum to at most 2.
+    np.testing.assert_allclose(sums, 1.0, atol=2e-4)
 
 
 def test_area_check_can_be_left_out():
