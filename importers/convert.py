@@ -298,8 +298,8 @@ def _adaptive(job: _Job, box: Rectangle | None, *, at_knots: bool = False) -> Fa
     if cells is None:
         raise GeometryError(reason)
     result = lifted(surface, cells, job.tolerance, job.angle_deg, snap)
-    if not result.converged or result.area_error > 0.5 * AREA_LIMIT:
-        limit = np.inf if result.area_error <= 0.5 * AREA_LIMIT else 0.5 * AREA_LIMIT
+    if result.area_error > 0.5 * AREA_LIMIT:
+        limit = 0.5 * AREA_LIMIT
         other = lifted(surface, cells, job.tolerance, job.angle_deg, snap, limit, eager=True)
         result = min(result, other, key=_rank)
     nets, edges, areas = _drop_empty(result.nets, result.edges)

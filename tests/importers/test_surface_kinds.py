@@ -137,7 +137,7 @@ def worst_distance(model, surface):
     t = np.array([0.0, 0.13, 0.5, 0.87, 1.0])
     u, v = (g.ravel() for g in np.meshgrid(t, t))
     points = model.patches.evaluate(u, v).reshape(-1, 3) * 1e3
-    step = max(1, len(points) // 200)
+    step = max(1, len(points) // 40)
     return max(
         GeomAPI_ProjectPointOnSurf(gp_Pnt(*p), surface).LowerDistance()
         for p in points[::step].tolist()
@@ -147,8 +147,12 @@ def worst_distance(model, surface):
 @pytest.mark.parametrize(
     ("name", "trimmed"),
     [(name, False) for name in SURFACES]
-    # The kernel takes minutes to cut the periodic one.
-    + [(name, True) for name in SURFACES if name != "bspline periodic"],
+    # The kernel takes long to cut them, and minutes for the periodic one.
+    + [
+        pytest.param(name, True, marks=pytest.mark.slow)
+        for name in SURFACES
+        if name != "bspline periodic"
+    ],
 )
 def test_surface(name, trimmed):
     make, kind, exact = SURFACES[name]
