@@ -7,18 +7,25 @@ and not the angle, so that interpolation with the arc's weights reproduces it ex
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import bernstein, split_matrix
 
 from . import nurbs
-from .chains import normalised
+from .chains import Part, Piece, normalised
 from .curves import Curve
 
 SAMPLES = np.linspace(0.0, 1.0, 17)
 _SAMPLE_BASIS = bernstein(SAMPLES)
 _END_STEP = 2e-3
+#: Share of an arc that counts as nothing.
+NEAR = 1e-4
+#: What takes a cubic to its halves.
+HALVES = (split_matrix(0.0, 0.5), split_matrix(0.5, 1.0))
+#: The linear fraction that runs backwards.
+REVERSED = np.array([[-1.0, 1.0], [0.0, 1.0]])
 
 
 def fraction(s: FloatArray, half: float) -> FloatArray:
@@ -38,14 +45,17 @@ def arc_weights(half: float) -> FloatArray:
 
 
 class Arc:
-    """Base: ``at(s)`` in (u, v), ``weights`` (4,), scaled ``samples`` (17, 2)."""
+    """Base: ``at(s)`` in (u, v), ``weights`` (4,), scaled ``samples`` (17, 2).
+
+    ``net`` (4, 4) is its rational cubic in space with end weights 1, where it lies on an edge.
+    """
 
     edge = -1
     straight = False
+    net: FloatArray | None = None
     weights: FloatArray
     samples: FloatArray
     scale: FloatArray
-    use: int = -1
 
     def at(self, s: FloatArray) -> FloatArray:
         raise NotImplementedError
@@ -55,10 +65,6 @@ class Arc:
 
     def halves(self) -> tuple[Arc, Arc]:
         raise NotImplementedError
-
-    def space(self, s: FloatArray) -> FloatArray | None:
-        """Points of the 3-D edge at ``s``; None when the arc lies on no edge."""
-        return None
 
     def prepare(self) -> None:
         """Sample the arc in scaled coordinates."""
@@ -83,6 +89,8 @@ class Arc:
 class NetArc(Arc):
     """An arc of a planar face: a rational cubic in space (4, 4) and in the plane (4, 3)."""
 
+    net: FloatArray
+
     def __init__(
         self, net: FloatArray, flat: FloatArray, edge: int, straight: bool, exact: bool = True
     ) -> None:
@@ -101,81 +109,168 @@ class NetArc(Arc):
 
     def halves(self) -> tuple[Arc, Arc]:
         out = []
-        for a, b in ((0.0, 0.5), (0.5, 1.0)):
-            m = split_matrix(a, b)
+        for m in HALVES:
             both = normalised(np.concatenate([m @ self.flat[:, :2], m @ self.net], axis=1))
             flat = np.concatenate([both[:, :2], both[:, -1:]], axis=1)
             out.append(NetArc(both[:, 2:], flat, self.edge, self.straight, self.exact))
         return out[0], out[1]
 
 
+@dataclass(slots=True)
+class EdgeSide:
+    """The curve in (u, v) of an edge on one face: ``edge`` parameter t is at offset + rate t."""
+
+    curve: Curve
+    shift: FloatArray
+    edge: int
+    rate: float = 1.0
+    offset: float = 0.0
+
+
 class EdgeArc(Arc):
-    """A piece of an edge's curve in (u, v) from parameter ``a`` to ``b``, either may be larger."""
+    """A piece of an edge on a curved face: its curve in (u, v) run as its chain runs in space.
+
+    ``net`` (4, 4) is the boundary curve of the patch, None where the edge needs several ``parts``.
+    ``run`` is the 2 x 2 matrix of the linear fraction from s in [0, 1] to the parameter of the
+    chain's piece.
+    """
 
     def __init__(
         self,
-        curve: Curve,
-        a: float,
-        b: float,
-        shift: FloatArray,
-        half: float,
-        space_curve: Curve | None,
-        edge: int,
+        side: EdgeSide,
+        piece: Piece,
+        net: FloatArray | None,
+        parts: list[Part],
+        run: FloatArray,
         scale: FloatArray,
     ) -> None:
-        self.curve, self.a, self.b, self.shift, self.half = curve, a, b, shift, half
-        self.space_curve, self.edge, self.scale = space_curve, edge, scale
-        self.straight = curve.straight
-        self.weights = arc_weights(half)
+        self.side, self.piece, self.net, self.parts = side, piece, net, parts
+        self.run, self.scale = run, scale
+        self.edge = side.edge
+        self.straight = side.curve.straight
+        self.weights = np.ones(4) if net is None else net[:, 3]
         self.prepare()
 
-    def _t(self, s: FloatArray) -> FloatArray:
-        return np.asarray(self.a + (self.b - self.a) * fraction(s, self.half))
+    @classmethod
+    def of(cls, side: EdgeSide, piece: Piece, scale: FloatArray) -> EdgeArc:
+        """The arc of a whole piece."""
+        net = None if piece.parts else piece.net
+        return cls(side, piece, net, piece.parts, np.eye(2), scale)
+
+    def parameter(self, s: FloatArray) -> FloatArray:
+        """Parameter of the curve in (u, v)."""
+        m = self.run
+        local = (m[0, 0] * s + m[0, 1]) / (m[1, 0] * s + m[1, 1])
+        return self.side.offset + self.side.rate * self.piece.parameter(local)
 
     def at(self, s: FloatArray) -> FloatArray:
-        return np.asarray(self.curve.evaluate(self._t(s)) + self.shift)
+        return np.asarray(self.side.curve.evaluate(self.parameter(s)) + self.side.shift)
 
-    def space(self, s: FloatArray) -> FloatArray | None:
-        return None if self.space_curve is None else self.space_curve.evaluate(self._t(s))
-
-    def _piece(self, a: float, b: float, half: float) -> EdgeArc:
-        return EdgeArc(self.curve, a, b, self.shift, half, self.space_curve, self.edge, self.scale)
+    def space(self, s: FloatArray) -> FloatArray:
+        """Points (n, 3) of the chain at ``s`` (n,)."""
+        if self.net is not None:
+            h = bernstein(s) @ self.net
+        else:
+            starts = np.array([p[0] for p in self.parts])
+            k = np.clip(np.searchsorted(starts, s, side="right") - 1, 0, len(starts) - 1)
+            length = np.array([p[1] - p[0] for p in self.parts])[k]
+            nets = np.array([p[2] for p in self.parts])[k]
+            h = np.einsum("ni,nij->nj", bernstein((s - starts[k]) / length), nets)
+        return np.asarray(h[:, :3] / h[:, 3:])
 
     def reversed(self) -> EdgeArc:
-        return self._piece(self.b, self.a, self.half)
+        net = None if self.net is None else self.net[::-1]
+        parts = [(1.0 - b, 1.0 - a, n[::-1]) for a, b, n in self.parts[::-1]]
+        return EdgeArc(self.side, self.piece, net, parts, self.run @ REVERSED, self.scale)
+
+    def moved(self, by: FloatArray) -> EdgeArc:
+        """The same arc a whole period away."""
+        side = replace(self.side, shift=self.side.shift + by)
+        return EdgeArc(side, self.piece, self.net, self.parts, self.run, self.scale)
 
     def halves(self) -> tuple[Arc, Arc]:
-        m = 0.5 * (self.a + self.b)
-        return self._piece(self.a, m, 0.5 * self.half), self._piece(m, self.b, 0.5 * self.half)
+        if self.net is None:
+            # Parts stay whole: cut at the joint next to the middle.
+            joints = [p[0] for p in self.parts[1:]]
+            at = min(joints, key=lambda s: abs(s - 0.5))
+            return self._between(0.0, at), self._between(at, 1.0)
+        return self._half(0), self._half(1)
+
+    def _between(self, a: float, b: float) -> EdgeArc:
+        parts = [((p - a) / (b - a), (q - a) / (b - a), n) for p, q, n in self.parts if a <= p < b]
+        run = self.run @ np.array([[b - a, a], [0.0, 1.0]])
+        if len(parts) > 1:
+            return EdgeArc(self.side, self.piece, None, parts, run, self.scale)
+        return EdgeArc(self.side, self.piece, parts[0][2], [], run, self.scale)
+
+    def _half(self, k: int) -> EdgeArc:
+        return self._restricted(0.5 * k, 0.5 * k + 0.5, HALVES[k])
+
+    def _restricted(self, a: float, b: float, matrix: FloatArray) -> EdgeArc:
+        assert self.net is not None
+        raw = matrix @ self.net
+        ratio = (raw[0, 3] / raw[3, 3]) ** (1.0 / 3.0)
+        inner = np.array([[(b - a) * ratio + a * (ratio - 1.0), a], [ratio - 1.0, 1.0]])
+        run = self.run @ inner
+        return EdgeArc(self.side, self.piece, normalised(raw), [], run, self.scale)
+
+    def between(self, a: float, b: float) -> EdgeArc | None:
+        """The arc over the shares [a, b] of its parameter; None where several cubics meet in it."""
+        if a < NEAR and b > 1.0 - NEAR:
+            return self
+        if self.net is None:
+            return None
+        ends = (self.parameter(np.array([0.0, 1.0])) - self.side.offset) / self.side.rate
+        m, s = self.run, []
+        for share in (a, b):
+            local = self.piece.local(float(ends[0] + share * (ends[1] - ends[0])))
+            s.append(float((m[0, 1] - m[1, 1] * local) / (m[1, 0] * local - m[0, 0])))
+        return self._restricted(s[0], s[1], split_matrix(s[0], s[1]))
 
 
 class Chord(Arc):
-    """A straight line in (u, v); ``half`` is half its angle on surfaces of revolution."""
+    """A straight line in (u, v); ``half`` is half its angle on surfaces of revolution.
+
+    ``net`` is its curve in space where it lies on an edge, or the one ``pole`` it collapses to.
+    """
 
     straight = True
 
     def __init__(
-        self, p: FloatArray, q: FloatArray, half: float, scale: FloatArray, edge: int = -1
+        self,
+        p: FloatArray,
+        q: FloatArray,
+        half: float,
+        scale: FloatArray,
+        edge: int = -1,
+        net: FloatArray | None = None,
     ) -> None:
-        self.p, self.q, self.half, self.scale, self.edge = p, q, half, scale, edge
-        self.weights = arc_weights(half)
+        self.p, self.q, self.half, self.scale, self.edge, self.net = p, q, half, scale, edge, net
+        self.weights = arc_weights(half) if net is None else net[:, 3]
         self.samples = (p + SAMPLES[:, None] * (q - p)) * scale
 
     def at(self, s: FloatArray) -> FloatArray:
         return np.asarray(self.p + fraction(s, self.half)[..., None] * (self.q - self.p))
 
-    def prepare(self) -> None:
-        self.samples = self.at(SAMPLES) * self.scale
-
     def reversed(self) -> Chord:
-        return Chord(self.q, self.p, self.half, self.scale, self.edge)
+        net = None if self.net is None else self.net[::-1]
+        out = Chord(self.q, self.p, self.half, self.scale, self.edge, net)
+        out.weights = self.weights[::-1]
+        return out
+
+    def moved(self, by: FloatArray) -> Chord:
+        """The same chord a whole period away."""
+        return Chord(self.p + by, self.q + by, self.half, self.scale, self.edge, self.net)
 
     def halves(self) -> tuple[Arc, Arc]:
         m = 0.5 * (self.p + self.q)
         h = 0.5 * self.half
+        nets: list[FloatArray | None] = [None, None]
+        if self.net is not None:
+            nets = [normalised(m @ self.net) for m in HALVES]
         return (
-            Chord(self.p, m, h, self.scale, self.edge),
-            Chord(m, self.q, h, self.scale, self.edge),
+            Chord(self.p, m, h, self.scale, self.edge, nets[0]),
+            Chord(m, self.q, h, self.scale, self.edge, nets[1]),
         )
 
 

@@ -15,10 +15,23 @@ from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
 
 from . import moments
-from .convert import AREA_LIMIT, FacePatches, convert_face
+from .convert import AREA_LIMIT, FacePatches, check_area, convert_face
 from .extract import Extractor, faces_of
 from .occurrences import Body, Looks
 from .orientation import Senses, flips
+
+#: Share of a part's tolerance that the chains of its edges may take.
+EDGE_SHARE = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to convert: tolerance relative to the size of a part, angle of normals, area check."""
+
+    tolerance: float
+    angle_deg: float
+    heal: bool = True
+    check_areas: bool = True
 
 
 @dataclass(slots=True)
@@ -31,6 +44,7 @@ class Converted:
     edge_count: int
     size: float
     kind: str
+    area_seconds: float = 0.0
     notes: list[str] = field(default_factory=list)
 
 
@@ -44,19 +58,17 @@ def diagonal(shape: Any) -> float:
     return float(np.linalg.norm([x1 - x0, y1 - y0, z1 - z0]))
 
 
-def convert_shape(
-    shape: Any, kind: str, tolerance: float, angle_deg: float, heal: bool
-) -> Converted:
-    """Patches of one solid or sheet; ``tolerance`` relative to its size.
+def convert_shape(shape: Any, kind: str, options: Options) -> Converted:
+    """Patches of one solid or sheet.
 
     A solid whose patches enclose a negative volume is turned inside out; one that is not closed
     keeps its orientation and is noted.
     """
-    out = _convert(shape, kind, tolerance, angle_deg)
-    if heal and any(_bad(f) for f in out.faces):
+    out = _convert(shape, kind, options)
+    if options.heal and any(_bad(f) for f in out.faces):
         fixer = ShapeFix_Shape(shape)
         fixer.Perform()
-        again = _convert(fixer.Shape(), kind, tolerance, angle_deg)
+        again = _convert(fixer.Shape(), kind, options)
         before, after = sum(map(_bad, out.faces)), sum(map(_bad, again.faces))
         if len(again.faces) == len(out.faces) and after < before:
             again.notes.append(f"shape repaired by the CAD kernel ({before - after} faces)")
@@ -70,9 +82,11 @@ def _bad(face: FacePatches) -> bool:
     return not len(face.nets) or face.area_error > AREA_LIMIT
 
 
-def _convert(shape: Any, kind: str, tolerance: float, angle_deg: float) -> Converted:
+def _convert(shape: Any, kind: str, options: Options) -> Converted:
     size = diagonal(shape)
-    extractor = Extractor(shape)
+    tolerance = options.tolerance * size
+    extractor = Extractor(shape, EDGE_SHARE * tolerance)
+    spent = 0.0
     faces, senses, shapes = [], [], faces_of(shape)
     with np.errstate(all="ignore"):
         for item in shapes:
@@ -80,8 +94,14 @@ def _convert(shape: Any, kind: str, tolerance: float, angle_deg: float) -> Conve
             senses.append(
                 [(u.edge.index, u.reversed ^ raw.reversed) for uses in raw.loops for u in uses]
             )
-            faces.append(convert_face(raw, tolerance * size, angle_deg, size))
-    return Converted(faces, senses, shapes, extractor.count, size, kind)
+            face = convert_face(raw, tolerance, options.angle_deg, size)
+            if options.check_areas:
+                start = time.perf_counter()
+                check_area(raw, face)
+                spent += time.perf_counter() - start
+            face.domain = None
+            faces.append(face)
+    return Converted(faces, senses, shapes, extractor.count, size, kind, spent)
 
 
 def _orient(out: Converted) -> None:
@@ -121,16 +141,17 @@ def assemble(
     *,
     name: str,
     metres: float,
-    tolerance: float,
-    angle_deg: float,
-    heal: bool,
+    options: Options,
     source: str,
     sha256: str,
     unit: str,
     started: float,
+    read: float,
     warnings: list[str],
 ) -> tuple[Model, list[list[Any]]]:
     """Model of the bodies, and the CAD faces of each part (without placement).
+
+    ``started`` and ``read`` are the clock's seconds before and after reading.
 
     Raises
     ------
@@ -144,11 +165,12 @@ def assemble(
     sets: list[PatchSet] = []
     notes: list[str] = []
     shapes: list[list[Any]] = []
-    edge_base = 0
+    edge_base, area_seconds = 0, 0.0
     for row, body in enumerate(bodies):
         key = keys.Add(body.shape)
         if key not in done:
-            found = convert_shape(body.shape, body.kind, tolerance, angle_deg, heal)
+            found = convert_shape(body.shape, body.kind, options)
+            area_seconds += found.area_seconds
             done[key] = (found, row)
             notes += [f"{body.path}: {note}" for note in found.notes]
         found, first = done[key]
@@ -191,8 +213,9 @@ def assemble(
     patches = PatchSet.concatenated(*sets)
     warnings = warnings + _warnings(parts, faces, patches)
     certificate = Certificate(
-        tuple(faces), tuple(p.path for p in parts), time.perf_counter() - started, tuple(notes)
-    )
+        tuple(faces), tuple(p.path for p in parts),
+        time.perf_counter() - started - area_seconds, tuple(notes), read - started, area_seconds,
+    )  # fmt: skip
     model = Model(
         name, tuple(parts), tuple(faces), patches, certificate, source, sha256, unit,
         tuple(warnings),

@@ -14,7 +14,7 @@ from patchlight.solver.errors import GeometryError, InputError
 from patchlight.solver.model import Model
 from patchlight.solver.model.arrays import FloatArray
 
-from .assemble import assemble
+from .assemble import Options, assemble
 from .occurrences import Looks, Occurrence, bodies, matrix, numbered, segment
 from .step import _check_options
 from .xcaf import unit_metres
@@ -30,8 +30,13 @@ def from_cadquery(
     tolerance: float = 1e-4,
     angle_deg: float = 1.0,
     name: str | None = None,
+    check_areas: bool = True,
 ) -> Model:
-    """Convert a CadQuery Workplane, Shape or Assembly to a model; see `importers.from_cadquery`."""
+    """Convert a CadQuery Workplane, Shape or Assembly to a model.
+
+    Options are those of `read_step`; ``unit`` is that of the numbers in CadQuery, ``name`` that of
+    the model in a scene.
+    """
     import cadquery as cq
 
     started = time.perf_counter()
@@ -60,9 +65,9 @@ def from_cadquery(
         raise InputError(f"from_cadquery: {label!r} holds no face")
     try:
         model, shapes_of = assemble(
-            bodies(found), name=label, metres=metres, tolerance=tolerance, angle_deg=angle_deg,
-            heal=True, source="cadquery", sha256=_digest(found), unit=unit, started=started,
-            warnings=[],
+            bodies(found), name=label, metres=metres,
+            options=Options(tolerance, angle_deg, True, check_areas), source="cadquery",
+            sha256=_digest(found), unit=unit, started=started, read=started, warnings=[],
         )  # fmt: skip
     except GeometryError as error:
         raise GeometryError(f"{label}: {error}") from None

@@ -28,15 +28,12 @@ class Cell:
         return [-1 if a is None else a.edge for a in self.sides]
 
 
-def grid_samples(sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) -> FloatArray:
-    """Coons grids (m, 9, 9, 2) of cells given by the samples of their sides, each (9, 2).
+def grid_samples(sides: FloatArray) -> FloatArray:
+    """Coons grids (m, 9, 9, 2) of cells given by the samples of their sides (m, 4, 9, 2).
 
     S. A. Coons' Boolean sum: both ruled surfaces minus the bilinear one.
     """
-    c = np.array([s[0] for s in sides])
-    d = np.array([s[2][::-1] for s in sides])
-    right = np.array([s[1] for s in sides])
-    left = np.array([s[3][::-1] for s in sides])
+    c, right, d, left = sides[:, 0], sides[:, 1], sides[:, 2, ::-1], sides[:, 3, ::-1]
     t = np.linspace(0.0, 1.0, c.shape[1])
     s_, t_ = t[None, :, None, None], t[None, None, :, None]
     ruled = (1 - t_) * c[:, :, None] + t_ * d[:, :, None]
@@ -46,12 +43,14 @@ def grid_samples(sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArra
     return np.asarray(ruled - corners)
 
 
-def quality(sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) -> FloatArray:
+def quality(sides: FloatArray) -> FloatArray:
     """Smallest sine (m,) of the angle between the parameter lines; negative when folded.
+
+    ``sides`` (m, 4, 9, 2) are the samples of the sides of each cell.
 
     A side of zero length is a collapsed one; the sine is then not taken in the row next to it.
     """
-    if not sides:
+    if not len(sides):
         return np.empty(0)
     g = grid_samples(sides)
     ds = 0.5 * (g[:, 1:, :-1] - g[:, :-1, :-1] + g[:, 1:, 1:] - g[:, :-1, 1:])
@@ -62,15 +61,20 @@ def quality(sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) 
     return np.minimum(sine.min(axis=(1, 2)), _corner_sines(sides))
 
 
-def _corner_sines(
-    sides: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]],
-) -> FloatArray:
+def overlap(sides: FloatArray) -> float:
+    """Share of the total area that cells cover with the wrong sense, on their 8 x 8 grids."""
+    g = grid_samples(sides)
+    p, q = g[:, 1:, 1:] - g[:, :-1, :-1], g[:, :-1, 1:] - g[:, 1:, :-1]
+    area = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
+    return float(np.maximum(-area, 0.0).sum() / max(area.sum(), 1e-300))
+
+
+def _corner_sines(p: FloatArray) -> FloatArray:
     """Smallest sine (m,) of the corners between sides of some length.
 
     Tangents are one-sided differences of second order. A cusp between two sides that leave a
     corner in one direction counts in full; a smooth joint (180 degrees) is ugly but valid.
     """
-    p = np.array(sides)  # (m, 4, 9, 2)
     out_of = -3.0 * p[:, :, 0] + 4.0 * p[:, :, 1] - p[:, :, 2]
     into = np.roll(-3.0 * p[:, :, -1] + 4.0 * p[:, :, -2] - p[:, :, -3], 1, axis=1)
     cross = out_of[..., 0] * into[..., 1] - out_of[..., 1] * into[..., 0]
@@ -90,14 +94,15 @@ def side_samples(arc: Arc | None, point: FloatArray | None = None) -> FloatArray
     return arc.samples[::2]
 
 
-def samples_of(cell: Cell) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Samples of the four sides, collapsed ones at the end of the side before."""
+def samples_of(cells: list[Cell]) -> FloatArray:
+    """Samples (m, 4, 9, 2) of the sides of cells, collapsed ones at the end of the side before."""
     out = []
-    for k, arc in enumerate(cell.sides):
-        if arc is None:
-            before, after = cell.sides[k - 1], cell.sides[(k + 1) % 4]
-            point = before.end if before is not None else after.start  # type: ignore[union-attr]
-            out.append(side_samples(None, point))
-        else:
-            out.append(side_samples(arc))
-    return out[0], out[1], out[2], out[3]
+    for cell in cells:
+        for k, arc in enumerate(cell.sides):
+            if arc is None:
+                before, after = cell.sides[k - 1], cell.sides[(k + 1) % 4]
+                point = before.end if before is not None else after.start  # type: ignore[union-attr]
+                out.append(side_samples(None, point))
+            else:
+                out.append(side_samples(arc))
+    return np.array(out).reshape(-1, 4, 9, 2)

@@ -10,8 +10,9 @@ References
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray
@@ -25,25 +26,70 @@ LOBATTO = np.array([0.0, 0.25, 0.75, 1.0])
 #: Control points of a cubic from its values at the Lobatto nodes.
 TO_CONTROL = np.linalg.inv(bernstein(LOBATTO))
 QUARTER = 0.5 * math.pi
+#: Relative distance below which two curves are the same to rounding.
+SAME_CURVE = 1e-10
+#: Largest distance between an edge and its chain as a share of the edge's extent.
+SHARE = 1e-4
 #: More exact pieces than this on one edge are replaced by fewer approximate ones if possible.
 MANY_PIECES = 24
 
 
+#: Start, end (shares of a piece) and rational cubic (4, 4) of a part of it.
+Part = tuple[float, float, FloatArray]
+
+
 @dataclass(slots=True)
 class Piece:
-    """One rational cubic (4, 4) of an edge over its parameters [start, end]; end weights 1."""
+    """An edge between two stations, over its parameters [start, end], as a rational cubic (4, 4).
+
+    ``kind`` says how the cubic's own parameter s in [0, 1] runs along the edge's: "linear",
+    "ellipse" and "hyperbola" (half angles), "rational" (a linear fraction of ``ratio``). Where one
+    cubic is not near enough, ``parts`` are the cubics of halves, quarters … of it. All end weights
+    are 1.
+    """
 
     start: float
     end: float
     net: FloatArray
     exact: bool
+    kind: str = "linear"
+    ratio: float = 1.0
+    parts: list[Part] = field(default_factory=list)
+
+    @property
+    def cubics(self) -> list[FloatArray]:
+        """The cubics that the piece consists of."""
+        return [net for _, _, net in self.parts] or [self.net]
+
+    def parameter(self, s: FloatArray) -> FloatArray:
+        """Parameter of the edge at ``s``."""
+        middle, half = 0.5 * (self.start + self.end), 0.5 * (self.end - self.start)
+        if self.kind == "ellipse":
+            return np.asarray(middle + 2.0 * np.arctan((2.0 * s - 1.0) * math.tan(0.5 * half)))
+        if self.kind == "hyperbola":
+            return np.asarray(middle + 2.0 * np.arctanh((2.0 * s - 1.0) * math.tanh(0.5 * half)))
+        if self.kind == "rational":
+            s = self.ratio * s / (1.0 - s + self.ratio * s)
+        return np.asarray(self.start + (self.end - self.start) * s)
+
+    def local(self, t: float) -> float:
+        """The cubic's own parameter at the edge's parameter ``t``."""
+        middle, half = 0.5 * (self.start + self.end), 0.5 * (self.end - self.start)
+        if self.kind == "ellipse":
+            return 0.5 + 0.5 * math.tan(0.5 * (t - middle)) / math.tan(0.5 * half)
+        if self.kind == "hyperbola":
+            return 0.5 + 0.5 * math.tanh(0.5 * (t - middle)) / math.tanh(0.5 * half)
+        s = (t - self.start) / (self.end - self.start)
+        return s / (self.ratio * (1.0 - s) + s)
 
 
 def normalised(net: FloatArray) -> FloatArray:
     """The same curve with end weights 1: coefficients scaled by c λ^i. [1, sec. 13.7]"""
     first, last = net[0, -1], net[-1, -1]
     ratio = (first / last) ** (1.0 / (len(net) - 1))
-    return np.asarray(net / first * (ratio ** np.arange(len(net)))[:, None])
+    out = np.asarray(net / first * (ratio ** np.arange(len(net)))[:, None])
+    out[-1] /= out[-1, -1]
+    return out
 
 
 def turning(curve: Curve, a: float, b: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -106,25 +152,48 @@ def interpolated(curve: Curve, a: float, b: float) -> FloatArray:
 
 
 _CHECK = np.array([0.06, 0.12, 0.37, 0.5, 0.63, 0.88, 0.94])
+_AT = np.unique(np.concatenate([LOBATTO, _CHECK]))
+_AT_NODES, _AT_CHECK = np.searchsorted(_AT, LOBATTO), np.searchsorted(_AT, _CHECK)
+DEEPEST = 12
 
 
 def _approximate(curve: Curve, cuts: FloatArray, tolerance: float) -> list[Piece]:
+    """Pieces between ``cuts``, halved until they are within ``tolerance`` of the curve.
+
+    Along the curve points may be four times as far from those of the same parameter.
+    """
+    ends = curve.evaluate(np.linspace(cuts[0], cuts[-1], 9))
+    tolerance = min(tolerance, SHARE * float(np.ptp(ends, axis=0).max()))
     out: list[Piece] = []
     basis = bernstein(_CHECK)
-    stack = [(float(a), float(b), 0) for a, b in zip(cuts[:-1], cuts[1:], strict=True)][::-1]
-    while stack:
-        a, b, depth = stack.pop()
-        net = interpolated(curve, a, b)
-        t = a + (b - a) * _CHECK
-        offset = basis @ net[:, :-1] - curve.evaluate(t)
-        d = curve.slope(t)
-        d = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
-        offset -= np.einsum("ij,ij->i", offset, d)[:, None] * d
-        if depth < 12 and np.linalg.norm(offset, axis=1).max() > tolerance:
-            m = 0.5 * (a + b)
-            stack += [(m, b, depth + 1), (a, m, depth + 1)]
-        else:
-            out.append(Piece(a, b, net, False))
+    for start, end in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        parts: list[Part] = []
+        s0, s1 = np.array([0.0]), np.array([1.0])
+        for depth in range(DEEPEST + 1):
+            step = (s1 - s0)[:, None]
+            t = start + (end - start) * (s0[:, None] + step * _AT)
+            points = curve.evaluate(t.ravel()).reshape(*t.shape, -1)
+            net = np.ones((len(s0), 4, points.shape[2] + 1))
+            net[..., :-1] = TO_CONTROL @ points[:, _AT_NODES]
+            offset = basis @ net[..., :-1] - points[:, _AT_CHECK]
+            d = curve.slope(t[:, _AT_CHECK].ravel()).reshape(offset.shape)
+            d = d / np.maximum(np.linalg.norm(d, axis=2, keepdims=True), 1e-300)
+            along = np.einsum("nij,nij->ni", offset, d)
+            across = np.linalg.norm(offset - along[..., None] * d, axis=2)
+            worst = np.maximum(across, 0.25 * np.abs(along)).max(axis=1)
+            good = (worst <= tolerance) | (depth == DEEPEST)
+            if depth == 0:
+                piece = Piece(start, end, net[0], False)
+                out.append(piece)
+                if good[0]:
+                    break
+            rows = zip(s0[good].tolist(), s1[good].tolist(), net[good], strict=True)
+            parts.extend(rows)
+            middle = 0.5 * (s0 + s1)[~good]
+            s0, s1 = np.append(s0[~good], middle), np.append(middle, s1[~good])
+            if not len(s0):
+                break
+        piece.parts = sorted(parts, key=lambda part: part[0])
     return out
 
 
@@ -140,45 +209,95 @@ def _exact(edge: Edge) -> list[Piece] | None:
     pairs = zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)
     if isinstance(curve, Conic):
         up = nurbs.elevation(2)
-        return [Piece(a, b, up @ curve.quadratic(a, b), True) for a, b in pairs]
+        kind = {"parabola": "linear"}.get(curve.kind, curve.kind)
+        return [Piece(a, b, up @ curve.quadratic(a, b), True, kind) for a, b in pairs]
     if isinstance(curve, BSpline) and curve.degree <= 3:
-        out = []
-        knots = curve.breaks(edge.start, edge.end)
-        knots = merged(knots, cuts)
-        for a, b in zip(knots[:-1].tolist(), knots[1:].tolist(), strict=True):
-            middle = float(nurbs.wrap(0.5 * (a + b), float(curve.knots[0]), curve.period))
-            k, _, length = nurbs.locate(curve.knots, np.array([middle]))
-            local = 0.5 + (np.array([a, b]) - 0.5 * (a + b)) / length
-            shift = (middle - curve.knots[k][0]) / length[0] - 0.5
-            part = nurbs.restricted(
-                curve.pieces[k[0]], float(local[0] + shift), float(local[1] + shift)
-            )
-            net = nurbs.elevation(curve.degree) @ part
-            if not (net[:, -1] > 0.0).all():
-                return None
-            out.append(Piece(a, b, normalised(net), True))
+        out: list[Piece] = []
+        for a, b in pairs:
+            # Knots that only cut one and the same polynomial are left out.
+            whole = _one_cubic(curve, a, b)
+            if whole is not None:
+                out.append(whole)
+                continue
+            found = [
+                _cubic_of(curve, c, d, 0.5 * (c + d))
+                for c, d in itertools.pairwise(curve.breaks(a, b))
+            ]
+            # Rational cubics run at different speeds, so that they are no parts of one piece.
+            parts: list[Part] = []
+            for part in found:
+                if part is None or np.abs(part.net[:, -1] - 1.0).max() > SAME_CURVE:
+                    return None
+                parts.append(((part.start - a) / (b - a), (part.end - a) / (b - a), part.net))
+            out.append(Piece(a, b, interpolated(curve, a, b), True, parts=parts))
         return out
     return None
 
 
-def merged(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Sorted union of two parameter lists, values closer than 1e-6 of the range taken once."""
-    both = np.sort(np.concatenate([a, b]))
-    keep = np.concatenate([[True], np.diff(both) > 1e-6 * (both[-1] - both[0])])
-    out = both[keep]
-    out[-1] = both[-1]
-    return out
+def _cubic_of(curve: BSpline, a: float, b: float, at: float) -> Piece | None:
+    """The polynomial of the span at ``at`` over [a, b]; None where a weight is not positive."""
+    inside = float(nurbs.wrap(at, float(curve.knots[0]), curve.period))
+    k, _, length = nurbs.locate(curve.knots, np.array([inside]))
+    start = float(curve.knots[k[0]]) + at - inside
+    low, high = (a - start) / float(length[0]), (b - start) / float(length[0])
+    net = nurbs.elevation(curve.degree) @ nurbs.restricted(curve.pieces[k[0]], low, high)
+    if not (net[:, -1] > 0.0).all():
+        return None
+    ratio = float(net[0, -1] / net[-1, -1]) ** (1.0 / 3.0)
+    return Piece(a, b, normalised(net), True, "rational", ratio)
 
 
-def chain(edge: Edge, tolerance: float) -> list[Piece]:
-    """Pieces of an edge from start to end; made once and kept on the edge."""
+def _one_cubic(curve: BSpline, a: float, b: float) -> Piece | None:
+    """The curve over [a, b] when it is one rational cubic to rounding, across its knots."""
+    knots = curve.breaks(a, b)
+    if len(knots) == 2:
+        return _cubic_of(curve, a, b, 0.5 * (a + b))
+    longest = int(np.argmax(np.diff(knots)))
+    piece = _cubic_of(curve, a, b, 0.5 * float(knots[longest] + knots[longest + 1]))
+    if piece is None:
+        return None
+    h = bernstein(_CHECK) @ piece.net
+    x = curve.evaluate(piece.parameter(_CHECK))
+    off = np.abs(h[:, :-1] / h[:, -1:] - x).max()
+    return piece if off <= SAME_CURVE * float(np.ptp(x, axis=0).max()) else None
+
+
+def chain(edge: Edge) -> list[Piece]:
+    """Pieces of an edge from start to end; made once and kept on the edge.
+
+    Consecutive cubics share the bits of their joint, and the first and the last one those of the
+    vertices, as long as these are within the tolerance of the edge.
+    """
     if edge.chain is None:
         pieces = _exact(edge)
         if edge.curve is None:
             pieces = []
-        elif pieces is None or len(pieces) > MANY_PIECES:
-            fewer = _approximate(edge.curve, stations(edge), tolerance)
-            if pieces is None or len(fewer) < 0.5 * len(pieces):
+        elif pieces is None or _count(pieces) > MANY_PIECES:
+            fewer = _approximate(edge.curve, stations(edge), edge.tolerance)
+            if pieces is None or _count(fewer) < 0.5 * _count(pieces):
                 pieces = fewer
+        _join(edge, pieces)
         edge.chain = pieces
     return edge.chain
+
+
+def _count(pieces: list[Piece]) -> int:
+    return sum(max(1, len(p.parts)) for p in pieces)
+
+
+def _join(edge: Edge, pieces: list[Piece]) -> None:
+    cubics = [net for piece in pieces for net in piece.cubics]
+    for before, after in zip(cubics[:-1], cubics[1:], strict=True):
+        after[0] = before[3]
+    if not cubics:
+        return
+    for net, k, vertex in ((cubics[0], 0, edge.vertices[0]), (cubics[-1], 3, edge.vertices[1])):
+        if vertex is None:
+            continue
+        shift = float(np.abs(vertex - net[k, :3]).max())
+        if shift > edge.tolerance:
+            edge.gap = max(edge.gap, shift)
+            continue
+        net[k, :3] = vertex
+    if edge.curve is not None and edge.curve.straight:
+        pieces[0].net[:] = nurbs.elevation(1) @ pieces[0].net[[0, 3]]

@@ -18,12 +18,13 @@ from patchlight.solver.model import Model
 
 def read(request: dict[str, Any]) -> tuple[Model, list[list[Any]]]:
     """Model of a STEP file and the CAD faces of its parts."""
-    from .assemble import assemble
+    from .assemble import Options, assemble
     from .occurrences import bodies
     from .xcaf import read_document, unit_metres
 
     started = time.perf_counter()
     occurrences, declared = read_document(request["path"])
+    read_at = time.perf_counter()
     unit = request["unit"] or declared
     # The kernel has turned the declared unit into millimetres.
     metres = 1e-3 * request["scale"]
@@ -33,13 +34,14 @@ def read(request: dict[str, Any]) -> tuple[Model, list[list[Any]]]:
         bodies(occurrences),
         name=Path(request["path"]).stem,
         metres=metres,
-        tolerance=request["tolerance"],
-        angle_deg=request["angle_deg"],
-        heal=request["heal"],
+        options=Options(
+            request["tolerance"], request["angle_deg"], request["heal"], request["check_areas"]
+        ),
         source=request["path"],
         sha256=request["sha256"],
         unit=unit,
         started=started,
+        read=read_at,
         warnings=[],
     )
 
@@ -62,6 +64,8 @@ def pack(model: Model) -> dict[str, Any]:
         ],
         "patches": (p.control_points, p.face_index, p.part_index, p.edge_index),
         "seconds": model.certificate.seconds,
+        "reading_seconds": model.certificate.reading_seconds,
+        "area_seconds": model.certificate.area_seconds,
         "notes": model.certificate.notes,
         "source": model.source,
         "sha256": model.sha256,

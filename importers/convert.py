@@ -10,10 +10,10 @@ from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import bezier
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .area import curved_area, planar_area
-from .cells import Cell
+from .area import face_area
+from .cells import Cell, overlap, samples_of
 from .curves import Projected
-from .domain import Domain, curved_domain, planar_domain
+from .domain import Domain, curved_domain, enclosed_area, planar_domain
 from .extract import RawFace
 from .lift import Lifted, lifted, planar_net
 from .moments import vector_areas
@@ -23,8 +23,14 @@ from .surfaces import Plane, SplineSurface, Surface
 
 #: Relative error below which a measured quantity counts as rounding.
 ROUNDING = 1e-9
-#: Largest relative error of a face's own area.
+#: Largest relative error of the area of an approximated face, and of an exact one.
 AREA_LIMIT = 1e-4
+AREA_EXACT = 1e-6
+#: Relative excess of area that tells cells which fold or overlap from the error of quadrature.
+FOLD = 1e-7
+#: Share of a curved face that cells may cover twice: too little to see in its area.
+THIN_LOSS = 1e-6
+MISSED = "the tolerance was not reached"
 
 
 @dataclass(slots=True)
@@ -41,6 +47,8 @@ class FacePatches:
     area: float = 0.0
     area_error: float = float("nan")
     reason: str = ""
+    #: What the area is checked against, until it is.
+    domain: Domain | None = None
 
 
 def convert_face(raw: RawFace, tolerance: float, angle_deg: float, size: float) -> FacePatches:
@@ -51,7 +59,7 @@ def convert_face(raw: RawFace, tolerance: float, angle_deg: float, size: float) 
     kind = raw.surface.kind
     try:
         if isinstance(raw.surface, Plane):
-            out = _planar(raw, raw.surface, tolerance)
+            out = _planar(raw, raw.surface)
         else:
             out = _curved(raw, raw.surface, tolerance, angle_deg, size)
     except (GeometryError, FloatingPointError, np.linalg.LinAlgError) as error:
@@ -78,13 +86,24 @@ def _relative(found: float, wanted: float) -> float:
     return abs(found - wanted) / wanted if wanted > 0.0 else float("nan")
 
 
-def _planar(raw: RawFace, surface: Plane, tolerance: float) -> FacePatches:
-    domain = planar_domain(raw, surface, 0.1 * tolerance)
-    wanted = planar_area(raw, surface)
+def check_area(raw: RawFace, face: FacePatches) -> None:
+    """Compare the area of the patches with an integral over surface and boundary alone."""
+    domain, face.domain = face.domain, None
+    if domain is None or not len(face.nets):
+        return
+    face.area_error = _relative(face.area, face_area(raw, domain))
+    if face.area_error > (AREA_EXACT if face.exact else AREA_LIMIT):
+        face.exact = False
+        face.reason = f"area off by {face.area_error:.1e}"
+
+
+def _planar(raw: RawFace, surface: Plane) -> FacePatches:
+    domain = planar_domain(raw, surface)
+    wanted = enclosed_area(domain)
     if wanted <= 1e-12 * domain.size**2:
         raise GeometryError("the boundary encloses no area")
     best: FacePatches | None = None
-    reason = ""
+    lowest, reason = math.inf, ""
     for attempt in range(3):
         try:
             cells = _cells(domain, attempt, planar=True)
@@ -95,23 +114,25 @@ def _planar(raw: RawFace, surface: Plane, tolerance: float) -> FacePatches:
         edges = np.array([c.edges for c in cells])
         nets, edges, areas = _drop_empty(nets, edges)
         area = float(areas.sum())
-        out = FacePatches(
-            "plane", nets, edges, domain.exact, 0.0, 0.0, domain.gap, area, _relative(area, wanted)
-        )
-        if best is None or out.area_error < best.area_error:
-            best = out
-        if out.area_error < (1e-7 if domain.exact else 0.3 * AREA_LIMIT):
+        out = FacePatches("plane", nets, edges, domain.exact, gap=domain.gap, area=area)
+        # Cells that fold or overlap have more area than the boundary encloses.
+        off = _relative(area, wanted)
+        if off < lowest:
+            best, lowest = out, off
+        if off < FOLD:
             break
         reason = "cells overlap"
-    if best is None or best.area_error > 1e-2:
+    if best is None or lowest > 1e-2:
         raise GeometryError(reason)
+    best.domain = domain
     if not domain.exact:
-        best.deviation = 0.1 * tolerance
+        best.deviation = max(u.edge.tolerance for uses in raw.loops for u in uses)
         best.reason = "an edge is not a line, a conic or a spline of degree <= 3"
-    elif best.area_error > 1e-6:
+    elif lowest > AREA_EXACT:
         best.exact = False
-        best.deviation = max(domain.gap, 0.0)
-        best.reason = "the edges of the boundary do not meet exactly"
+        best.reason = reason
+    elif domain.gap > ROUNDING * domain.size:
+        best.deviation = domain.gap
     return best
 
 
@@ -187,41 +208,63 @@ def _curved(
 ) -> FacePatches:
     domain = curved_domain(raw, surface)
     gap = _edge_gap(raw)
-    box = rectangle(domain, min(1e-6 * domain.size, 0.1 * tolerance))
+    margin = min(1e-6 * domain.size, 0.1 * tolerance)
+    box = rectangle(domain, margin)
     if gap > 0.02 * tolerance and (box is None or gap > tolerance):
         follow_edges(raw, surface, 0.02 * tolerance)
         domain = curved_domain(raw, surface)
         gap = _edge_gap(raw)
-        box = rectangle(domain, min(1e-6 * domain.size, 0.1 * tolerance))
-    wanted = curved_area(surface, domain)
-    if wanted <= 1e-13 * domain.size**2:
-        raise GeometryError("the boundary encloses no area")
-    if box is None:
-        # Nearly a rectangle: taken as one when its area says that nothing is lost.
-        box = rectangle(domain, min(1e-4 * domain.size, 0.1 * tolerance))
-        if box is not None and not _relative(_box_area(surface, box), wanted) < 2e-5:
-            box = None
+        box = rectangle(domain, margin)
     # The tolerance follows the part, but a small face must keep its own area and shape as well.
     fine = min(tolerance, 1e-3 * max(domain.size, 1e-300))
+    job = _Job(surface, domain, fine, angle_deg, gap, size)
+    if box is None:
+        # Nearly a rectangle: taken as one when next to nothing of its area is lost.
+        box = rectangle(domain, min(1e-4 * domain.size, 0.1 * tolerance), lost=1e-5)
+    out = _best(job, box)
+    out.domain = domain
+    return out
+
+
+@dataclass(slots=True)
+class _Job:
+    """A curved face to be approximated; ``gap`` between its boundary and the edges."""
+
+    surface: Surface
+    domain: Domain
+    tolerance: float
+    angle_deg: float
+    gap: float
+    size: float
+
+
+def _best(job: _Job, box: Rectangle | None) -> FacePatches:
+    surface = job.surface
     if box is not None and isinstance(surface, SplineSurface):
         found = exact_spline(surface, box)
         if found is not None:
             nets, edges, areas = _drop_empty(*found)
-            area = float(areas.sum())
-            out = FacePatches(
-                surface.kind, nets, edges, True, 0.0, 0.0, gap, area, _relative(area, wanted)
-            )
+            out = FacePatches(surface.kind, nets, edges, True, gap=job.gap, area=float(areas.sum()))
             if len(nets) <= MANY_PATCHES:
                 return out
-            other = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size)
-            return other if 2 * len(other.nets) < len(nets) and not other.reason else out
-    out = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size)
-    if box is not None and "tolerance" in out.reason and not _singular(surface, box):
+            other = _adaptive(job, box)
+            return other if 2 * len(other.nets) < len(nets) and not _missed(other) else out
+    out = _adaptive(job, box)
+    if box is not None and _missed(out) and not _singular(surface, box):
         # Knots of low continuity may spoil a cell that crosses them: cut there and compare.
-        cut = _adaptive(surface, domain, box, wanted, fine, angle_deg, gap, size, at_knots=True)
-        if not cut.reason.startswith(("area", "the tol")) or len(cut.nets) < len(out.nets):
+        cut = _adaptive(job, box, at_knots=True)
+        if not _missed(cut) or len(cut.nets) < len(out.nets):
             return cut
     return out
+
+
+def _rank(result: Lifted) -> tuple[bool, bool, int]:
+    """Order of results: area kept, tolerance reached, few patches."""
+    return result.area_error > 0.5 * AREA_LIMIT, not result.converged, len(result.nets)
+
+
+def _missed(face: FacePatches) -> bool:
+    return face.reason == MISSED
 
 
 def _singular(surface: Surface, box: Rectangle) -> bool:
@@ -234,62 +277,40 @@ def _singular(surface: Surface, box: Rectangle) -> bool:
     return bool(j.min() < 1e-5 * j.max())
 
 
-def _box_area(surface: Surface, box: Rectangle) -> float:
-    """Area of the surface over a rectangle, by Gauss quadrature. [file units²]"""
-    u0, u1, v0, v1 = box.box
-    x, w = bezier.gauss_rule(16)
-    u, v = np.meshgrid(u0 + (u1 - u0) * x, v0 + (v1 - v0) * x, indexing="ij")
-    _, a, b = surface.evaluate(u, v)
-    j = np.linalg.norm(np.cross(a, b), axis=-1)
-    return float(w @ j @ w) * (u1 - u0) * (v1 - v0)
-
-
-def _adaptive(
-    surface: Surface,
-    domain: Domain,
-    box: Rectangle | None,
-    wanted: float,
-    tolerance: float,
-    angle_deg: float,
-    gap: float,
-    size: float,
-    at_knots: bool = False,
-) -> FacePatches:
-    best: FacePatches | None = None
+def _adaptive(job: _Job, box: Rectangle | None, *, at_knots: bool = False) -> FacePatches:
+    surface, domain = job.surface, job.domain
+    snap = max(10.0 * job.tolerance, 2.0 * job.gap)
     reason = ""
-    snap = max(10.0 * tolerance, 2.0 * gap)
-    for attempt in range(4):
+    cells: list[Cell] | None = None
+    for attempt in range(2):
         try:
             if box is not None:
                 cells = grid_cells(surface, box, domain.scale, at_knots=at_knots)
-            else:
-                cells = _cells(domain, attempt // 2, planar=False)
+                break
+            cells = _cells(domain, attempt, planar=False)
         except GeometryError as error:
             reason = reason or str(error)
             continue
-        result: Lifted = lifted(surface, cells, tolerance, angle_deg, snap)
-        nets, edges, areas = _drop_empty(result.nets, result.edges)
-        area = float(areas.sum())
-        off = _relative(area, wanted)
-        exact = result.deviation <= ROUNDING * size and result.angle_deg < 1e-4
-        exact = exact and result.gap <= 1e-7 * size and not off > 1e-6
-        out = FacePatches(
-            surface.kind, nets, edges, exact, result.deviation, result.angle_deg,
-            max(gap, result.gap), area, off,
-        )  # fmt: skip
-        if not exact:
-            out.reason = "trimmed curved surface" if box is None else "surface of higher degree"
-            if not result.converged:
-                out.reason = "the tolerance was not reached"
-        if best is None or not best.area_error < out.area_error:
-            best = out
-        if math.isnan(off) or off <= AREA_LIMIT:
+        lost = overlap(samples_of(cells))
+        if lost <= THIN_LOSS:
             break
-        tolerance *= 0.2
-    if best is None:
-        raise GeometryError(reason or "no valid decomposition into four-sided cells")
-    if best.area_error > 0.02:
-        raise GeometryError(f"cells overlap: area off by {best.area_error:.1%}")
-    if best.area_error > AREA_LIMIT:
-        best.reason = f"area off by {best.area_error:.1e}"
-    return best
+        reason, cells = f"cells overlap by {lost:.1e} of the face", None
+    if cells is None:
+        raise GeometryError(reason)
+    result = lifted(surface, cells, job.tolerance, job.angle_deg, snap)
+    if result.area_error > 0.5 * AREA_LIMIT:
+        limit = 0.5 * AREA_LIMIT
+        other = lifted(surface, cells, job.tolerance, job.angle_deg, snap, limit, eager=True)
+        result = min(result, other, key=_rank)
+    nets, edges, areas = _drop_empty(result.nets, result.edges)
+    exact = result.deviation <= ROUNDING * job.size and result.angle_deg < 1e-4
+    exact = exact and result.gap <= 1e-7 * job.size
+    out = FacePatches(
+        surface.kind, nets, edges, exact, result.deviation, result.angle_deg,
+        max(job.gap, result.gap), float(areas.sum()),
+    )  # fmt: skip
+    if not exact:
+        out.reason = "trimmed curved surface" if box is None else "surface of higher degree"
+        if not result.converged:
+            out.reason = MISSED
+    return out

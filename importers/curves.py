@@ -118,16 +118,7 @@ class BSpline(Curve):
         return np.asarray((d[..., :-1] - d[..., -1:] * point) / h[..., -1:] / length[..., None])
 
     def breaks(self, a: float, b: float) -> FloatArray:
-        knots = self.knots
-        if self.period is not None:
-            low = math.floor((a - knots[0]) / self.period)
-            high = math.ceil((b - knots[0]) / self.period)
-            knots = np.unique(
-                np.concatenate([knots + k * self.period for k in range(low, high + 1)])
-            )
-        margin = 1e-9 * (b - a)
-        inside = knots[(knots > a + margin) & (knots < b - margin)]
-        return np.concatenate([[a], inside, [b]])
+        return nurbs.knots_between(self.knots, self.period, a, b)
 
 
 @dataclass(slots=True)

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.bezier import bernstein, bernstein_derivative, gauss_rule
 
 from . import nurbs
-from .arcs import Arc, Chord, EdgeArc, NetArc, flat_chord
-from .chains import chain, split_by_turning, stations
+from .arcs import Arc, Chord, EdgeArc, EdgeSide, NetArc, flat_chord
+from .chains import chain, split_by_turning
 from .curves import Conic
 from .extract import EdgeUse, RawFace
 from .surfaces import Plane, Surface
@@ -32,8 +33,27 @@ class Domain:
     exact: bool
     gap: float
 
+    @property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corner (2,) in (u, v)."""
+        every = np.concatenate([a.samples for r in self.regions for loop in r for a in loop])
+        return every.min(axis=0) / self.scale, every.max(axis=0) / self.scale
 
-def planar_domain(face: RawFace, surface: Plane, tolerance: float) -> Domain:
+
+def enclosed_area(domain: Domain) -> float:
+    """Area inside the loops of a planar face, ½ ∮ (x dy − y dx) over their rational cubics."""
+    arcs = [a for r in domain.regions for loop in r for a in loop]
+    flat = np.array([a.flat for a in arcs if isinstance(a, NetArc)])
+    flat[..., :2] -= flat[:1, :1, :2] / flat[:1, :1, 2:] * flat[..., 2:]
+    x, w = gauss_rule(10)
+    x, w = np.concatenate([0.5 * x, 0.5 + 0.5 * x]), np.concatenate([0.5 * w, 0.5 * w])
+    h, slope = bernstein(x) @ flat, bernstein_derivative(x) @ flat
+    p = h[..., :2] / h[..., 2:]
+    d = (slope[..., :2] - slope[..., 2:] * p) / h[..., 2:]
+    return 0.5 * float((p[..., 0] * d[..., 1] - p[..., 1] * d[..., 0]).sum(axis=0) @ w)
+
+
+def planar_domain(face: RawFace, surface: Plane) -> Domain:
     """Loops of a planar face from the chains of its edges."""
     o, x, y, _ = surface.frame
     to_flat = np.zeros((4, 3))
@@ -50,18 +70,17 @@ def planar_domain(face: RawFace, surface: Plane, tolerance: float) -> Domain:
             loops.append(loop)
             continue
         for use in uses:
-            pieces = chain(use.edge, tolerance)
-            ordered = pieces[::-1] if use.reversed else pieces
             straight = use.edge.curve is not None and use.edge.curve.straight
-            for piece in ordered:
-                net = piece.net[::-1] if use.reversed else piece.net
-                loop.append(NetArc(net, net @ to_flat, use.edge.index, straight, piece.exact))
+            cubics = [(n, p.exact) for p in chain(use.edge) for n in p.cubics]
+            for forward, is_exact in cubics[::-1] if use.reversed else cubics:
+                net = forward[::-1] if use.reversed else forward
+                loop.append(NetArc(net, net @ to_flat, use.edge.index, straight, is_exact))
                 if not straight and _is_line(loop[-1].samples):
                     ends = loop[-1].samples
                     loop[-1] = flat_chord(ends[0], ends[-1], lift)
                     loop[-1].edge = use.edge.index
                 else:
-                    exact &= piece.exact
+                    exact &= is_exact
         if loop:
             loops.append(loop)
     box = np.concatenate([a.samples for loop in loops for a in loop]) if loops else np.zeros((1, 2))
@@ -168,10 +187,10 @@ def _closed_planar(loop: Loop, size: float, lift: FloatArray) -> tuple[Loop, flo
     gap = 0.0
     for k, arc in enumerate(loop):
         before = loop[k - 1]
+        assert isinstance(before, NetArc) and isinstance(arc, NetArc)
         opening = float(np.linalg.norm(before.end - arc.start))
         gap = max(gap, opening)
         if opening > 0.0 and opening <= 1e-2 * size:
-            assert isinstance(before, NetArc) and isinstance(arc, NetArc)
             net, flat = before.net.copy(), before.flat.copy()
             net[3], flat[3] = arc.net[0], arc.flat[0]
             loop[k - 1] = NetArc(net, flat, before.edge, before.straight, before.exact)
@@ -208,11 +227,16 @@ def _continues(a: Arc, b: Arc, weld: float) -> bool:
     return abs(d[0] * e[1] - d[1] * e[0]) <= weld * length * 1e-2 and float(d @ e) > 0.0
 
 
-def angle_half(surface: Surface, p: FloatArray, q: FloatArray) -> float:
-    """Half of the largest angle a straight line in (u, v) turns around a circle [rad]."""
+def angle_half(
+    surface: Surface, p: FloatArray, q: FloatArray, *, limit: float = 0.3 * math.pi
+) -> float:
+    """Half of the largest angle a straight line in (u, v) turns around a circle [rad].
+
+    0, which stands for a polynomial, from ``limit`` on.
+    """
     angles = [abs(float(q[k] - p[k])) for k in (0, 1) if surface.angular[k]]
     half = 0.5 * max(angles, default=0.0)
-    return half if 1e-9 < half < 0.3 * math.pi else 0.0
+    return half if 1e-9 < half < limit else 0.0
 
 
 def metric(surface: Surface, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -282,45 +306,50 @@ def curved_domain(face: RawFace, surface: Surface) -> Domain:
 
 
 def _edge_arcs(use: EdgeUse, shift: FloatArray, surface: Surface, scale: FloatArray) -> Loop:
-    curve = use.curve
+    """Arcs of an edge use in the sense of its loop: one a piece of the edge's chain."""
+    curve, edge = use.curve, use.edge
     assert curve is not None
     if use.degenerate:
-        ends = curve.evaluate(np.array([use.start, use.end]))
-        angle = 2.0 * max(
-            (abs(float(ends[1, k] - ends[0, k])) for k in (0, 1) if surface.angular[k]), default=0.0
-        )
-        n = max(1, math.ceil(0.5 * angle / (0.5 * math.pi) - 1e-9))
-        cuts = np.linspace(use.start, use.end, n + 1)
+        out = _pole(use, shift, surface, scale)
     else:
-        # Stations of the edge, in case its curve in (u, v) has the edge's own parameter.
-        cuts = stations(use.edge)
-        if abs(cuts[0] - use.start) + abs(cuts[-1] - use.end) > 1e-6 * abs(use.end - use.start):
-            cuts = use.start + (cuts - cuts[0]) / (cuts[-1] - cuts[0]) * (use.end - use.start)
-        if not curve.straight:
-            cuts = _turning_cuts(use, cuts)
-    space = use.edge.curve
-    circle = isinstance(space, Conic) and space.kind == "ellipse"
+        side = EdgeSide(curve, shift, edge.index)
+        length = edge.end - edge.start
+        if abs(use.start - edge.start) + abs(use.end - edge.end) > 1e-9 * abs(length):
+            side.rate = (use.end - use.start) / length
+            side.offset = use.start - side.rate * edge.start
+        out = []
+        for piece in chain(edge):
+            arc = EdgeArc.of(side, piece, scale)
+            out.extend([arc] if curve.straight else _turning_parts(arc))
+    return [a.reversed() for a in out[::-1]] if use.reversed else out
+
+
+def _pole(use: EdgeUse, shift: FloatArray, surface: Surface, scale: FloatArray) -> Loop:
+    """Chords along an edge that is one point in space, at most a quarter turn each."""
+    assert use.curve is not None
+    ends = use.curve.evaluate(np.array([use.start, use.end])) + shift
+    angle = 2.0 * angle_half(surface, ends[0], ends[1], limit=math.inf)
+    n = max(1, math.ceil(angle / (0.5 * math.pi) - 1e-3))
+    points = ends[0] + np.linspace(0.0, 1.0, n + 1)[:, None] * (ends[1] - ends[0])
+    pole = use.edge.vertices[0]
     out: Loop = []
-    for a, b in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
-        half = 0.0
-        if circle:
-            half = 0.5 * (b - a)
-        elif curve.straight:
-            ends = curve.evaluate(np.array([a, b]))
-            half = angle_half(surface, ends[0], ends[1])
-        if use.reversed:
-            a, b = b, a
-        out.append(EdgeArc(curve, a, b, shift, half, space, use.edge.index, scale))
-    return out[::-1] if use.reversed else out
+    for p, q in zip(points[:-1], points[1:], strict=True):
+        chord = Chord(p, q, angle_half(surface, p, q), scale, use.edge.index)
+        if pole is not None:
+            w = chord.weights[:, None]
+            chord.net = np.concatenate([pole * w, w], axis=1)
+        out.append(chord)
+    return out
 
 
-def _turning_cuts(use: EdgeUse, cuts: FloatArray) -> FloatArray:
-    """Further cuts where the curve in (u, v) turns much more than the edge in space."""
-    extra = []
-    for a, b in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
-        assert use.curve is not None
-        extra.append(split_by_turning(use.curve, a, b, limit=0.6 * math.pi)[:-1])
-    return np.append(np.concatenate(extra), cuts[-1])
+def _turning_parts(arc: EdgeArc) -> Loop:
+    """The arc, halved where its curve in (u, v) turns much more than the edge in space."""
+    a, b = arc.parameter(np.array([0.0, 1.0])).tolist()
+    n = len(split_by_turning(arc.side.curve, min(a, b), max(a, b), limit=0.6 * math.pi)) - 1
+    out: Loop = [arc]
+    while len(out) < n:
+        out = [half for part in out for half in part.halves()]
+    return out
 
 
 def _closed_curved(
@@ -381,12 +410,8 @@ def _joined_wraps(
 
 
 def _shifted(arc: Arc, by: FloatArray) -> Arc:
-    if isinstance(arc, EdgeArc):
-        return EdgeArc(
-            arc.curve, arc.a, arc.b, arc.shift + by, arc.half, arc.space_curve, arc.edge, arc.scale
-        )
-    assert isinstance(arc, Chord)
-    return Chord(arc.p + by, arc.q + by, arc.half, arc.scale, arc.edge)
+    assert isinstance(arc, EdgeArc | Chord)
+    return arc.moved(by)
 
 
 def outline(loop: Loop) -> FloatArray:

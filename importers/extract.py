@@ -65,12 +65,19 @@ from .surfaces import (
 
 @dataclass(slots=True)
 class Edge:
-    """A B-rep edge in space; ``curve`` is None when it is degenerate (a pole)."""
+    """A B-rep edge in space; ``curve`` is None when it is degenerate (a pole).
+
+    ``vertices`` are the points at ``start`` and ``end`` that all edges there share. ``tolerance``
+    bounds the distance of the edge's chain from the curve, ``gap`` is what a vertex lies off it.
+    """
 
     index: int
     curve: Curve | None
     start: float
     end: float
+    tolerance: float
+    vertices: tuple[FloatArray | None, FloatArray | None] = (None, None)
+    gap: float = 0.0
     chain: Any = None
     stations: FloatArray | None = None
 
@@ -286,9 +293,13 @@ def surface(s: Any, box: tuple[float, float, float, float]) -> Surface:
 
 
 class Extractor:
-    """Extracts the faces of one shape; edges shared by faces are extracted once."""
+    """Extracts the faces of one shape; edges shared by faces are extracted once.
 
-    def __init__(self, shape: Any) -> None:
+    ``tolerance`` [file units] is that of the chains of edges.
+    """
+
+    def __init__(self, shape: Any, tolerance: float) -> None:
+        self._tolerance = tolerance
         self._map = TopTools_IndexedMapOfShape()
         TopExp.MapShapes_s(shape, TopAbs_EDGE, self._map)
         self._edges: dict[int, Edge] = {}
@@ -300,7 +311,11 @@ class Extractor:
         if found is None:
             curve = None if BRep_Tool.Degenerated_s(e) else BRep_Tool.Curve_s(e, 0.0, 0.0)
             start, end = BRep_Tool.Range_s(e) if curve is not None else (0.0, 1.0)
-            found = Edge(index, None if curve is None else curve_3d(curve), start, end)
+            ends = []
+            for vertex in (TopExp.FirstVertex_s(e, False), TopExp.LastVertex_s(e, False)):
+                ends.append(None if vertex.IsNull() else np.array(BRep_Tool.Pnt_s(vertex).Coord()))
+            array = None if curve is None else curve_3d(curve)
+            found = Edge(index, array, start, end, self._tolerance, (ends[0], ends[1]))
             self._edges[index] = found
         return found
 

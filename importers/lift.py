@@ -15,28 +15,45 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray, IntArray
 from patchlight.solver.model.bezier import bernstein, bernstein_derivative, split_matrix
 
 from . import nurbs
-from .arcs import Arc, NetArc
 from .cells import Cell
 from .chains import LOBATTO, TO_CONTROL
+from .joints import mended
+from .sides import Sides
 from .surfaces import Surface
 
+BoolArray = NDArray[np.bool_]
 #: Parameters at which a patch is compared with the surface; every other one is a node.
 CHECK = np.array([0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0])
 _NODE = np.array([0, 2, 4, 6])
 _BETWEEN = np.array([1, 3, 5])
 _BASIS = bernstein(CHECK)
 _SLOPE = bernstein_derivative(CHECK)
-DEEPEST = 7
+#: Derivatives and integral over [0, 1] of the polynomials of degree 6 through values at `CHECK`.
+_POWERS = CHECK[:, None] ** np.arange(7)
+_DERIVATIVE = (
+    np.concatenate([np.zeros((7, 1)), _POWERS[:, :6] * np.arange(1, 7)], axis=1)
+) @ np.linalg.inv(_POWERS)
+_INTEGRAL = (1.0 / np.arange(1, 8)) @ np.linalg.inv(_POWERS)
+DEEPEST = 9
+#: Boxes of one level above which halving ends.
+MOST_BOXES = 1000
+#: Rounds in which long sides are cut because short ones cannot follow them.
+MENDING = 6
 
 
 @dataclass(slots=True)
 class Lifted:
-    """Patches (n, 4, 4, 4) of a face with what was measured on them."""
+    """Patches (n, 4, 4, 4) of a face with what was measured on them.
+
+    ``area`` is that of the surface under the patches and ``area_error`` the relative difference,
+    both at the check points.
+    """
 
     nets: FloatArray
     edges: IntArray
@@ -44,6 +61,42 @@ class Lifted:
     angle_deg: float
     gap: float
     converged: bool
+    area: float
+    area_error: float
+
+
+@dataclass(slots=True)
+class Boxes:
+    """Parts of cells: row of the cell, (s0, s1, t0, t1), and their patches when made."""
+
+    cell: IntArray
+    box: FloatArray
+
+    def on_border(self) -> BoolArray:
+        """Mask (n, 4) of boxes whose side v=0, u=1, v=1, u=0 lies on that of the cell."""
+        s0, s1, t0, t1 = self.box.T
+        return np.stack([t0 == 0.0, s1 == 1.0, t1 == 1.0, s0 == 0.0], axis=1)
+
+    def take(self, rows: IntArray) -> Boxes:
+        """Some of the boxes."""
+        return Boxes(self.cell[rows], self.box[rows])
+
+    def with_(self, other: Boxes) -> Boxes:
+        """These boxes and the others."""
+        return Boxes(np.append(self.cell, other.cell), np.concatenate([self.box, other.box]))
+
+
+@dataclass(slots=True)
+class _Job:
+    """What all boxes of a face have in common; whether the surface moves to meet its edges."""
+
+    surface: Surface
+    sides: Sides
+    moves: bool
+    tolerance: float
+    angle_deg: float
+    area_limit: float
+    eager: bool
 
 
 def planar_net(cell: Cell) -> FloatArray:
@@ -52,11 +105,10 @@ def planar_net(cell: Cell) -> FloatArray:
     for k, arc in enumerate(cell.sides):
         if arc is None:
             before = cell.sides[k - 1]
-            after = cell.sides[(k + 1) % 4]
-            point = before.net[3] if isinstance(before, NetArc) else after.net[0]  # type: ignore[union-attr]
-            rows.append(np.broadcast_to(point, (4, 4)))
+            assert before is not None and before.net is not None
+            rows.append(np.broadcast_to(before.net[3], (4, 4)))
         else:
-            assert isinstance(arc, NetArc)
+            assert arc.net is not None
             rows.append(arc.net)
     c, right, d, left = rows[0], rows[1], rows[2][::-1], rows[3][::-1]
     t = (np.arange(4) / 3.0)[None, :, None]
@@ -68,142 +120,200 @@ def planar_net(cell: Cell) -> FloatArray:
     return net
 
 
-def cell_weights(cell: Cell) -> FloatArray:
-    """Weights (4, 4) blended from the sides; a product of arcs when opposite sides agree."""
-    one = np.ones(4)
-    w = [one if a is None else a.weights for a in cell.sides]
-    # A collapsed side takes part in the blend with the weights of the side opposite to it.
-    for k in range(4):
-        if cell.sides[k] is None and cell.sides[(k + 2) % 4] is not None:
-            w[k] = w[(k + 2) % 4][::-1]
-    c, right, d, left = w[0], w[1], w[2][::-1], w[3][::-1]
-    f = np.arange(4) / 3.0
-    along = (1 - f)[None, :] * c[:, None] + f[None, :] * d[:, None]
-    across = (1 - f)[:, None] * left[None, :] + f[:, None] * right[None, :]
-    return np.asarray(along * across)
-
-
-def _side(cell: Cell, k: int, s: FloatArray) -> tuple[FloatArray, FloatArray | None]:
-    """(u, v) and, on an edge, space points of side k, run in the direction of +u or +v."""
-    arc = cell.sides[k]
-    if arc is None:
-        before, after = cell.sides[k - 1], cell.sides[(k + 1) % 4]
-        end = np.array([1.0])
-        point = before.at(end) if before is not None else after.at(1.0 - end)  # type: ignore[union-attr]
-        return np.broadcast_to(point[0], (*s.shape, 2)), None
-    run = s if k < 2 else 1.0 - s
-    return arc.at(run), arc.space(run)
-
-
-def coons(cell: Cell, s: FloatArray, t: FloatArray) -> tuple[FloatArray, list]:
-    """(u, v) of boxes: ``s`` (n, a), ``t`` (n, b) -> (n, a, b, 2), and the sides' space points."""
-    c, x0 = _side(cell, 0, s)
-    d, x1 = _side(cell, 2, s)
-    right, y1 = _side(cell, 1, t)
-    left, y0 = _side(cell, 3, t)
-    ends = np.array([0.0, 1.0])
-    cc, dd = _side(cell, 0, ends)[0], _side(cell, 2, ends)[0]
-    s_, t_ = s[:, :, None, None], t[:, None, :, None]
-    m = (1 - t_) * c[:, :, None] + t_ * d[:, :, None]
-    m = m + (1 - s_) * left[:, None] + s_ * right[:, None]
-    m = m - (1 - s_) * ((1 - t_) * cc[0] + t_ * dd[0]) - s_ * ((1 - t_) * cc[1] + t_ * dd[1])
-    return np.asarray(m), [x0, y1, x1, y0]
-
-
 def lifted(
-    surface: Surface, cells: list[Cell], tolerance: float, angle_deg: float, snap: float
-) -> Lifted:
-    """Patches of the cells, halved until within ``tolerance`` [file units] and ``angle_deg``.
-
-    Boundary points are moved onto the edge in space when they are nearer to it than ``snap``.
-    """
-    nets, edges = [], []
-    worst, worst_angle, gap, converged = 0.0, 0.0, 0.0, True
-    for cell in cells:
-        base = cell_weights(cell)
-        names = np.array(cell.edges)
-        boxes = np.array([[0.0, 1.0, 0.0, 1.0]])
-        for depth in range(DEEPEST + 1):
-            n, e, g, split, kept = _level(surface, cell, base, boxes, tolerance, angle_deg, snap)
-            # A kink or cusp of the surface keeps its angle at any size: where the position is far
-            # inside the tolerance, halving on is of no use.
-            last = depth == DEEPEST or len(boxes) > 1000
-            hopeless = np.logical_and(e[:, 0] <= 0.1 * tolerance, depth >= 4)
-            done = np.logical_or(kept, hopeless) | last
-            converged &= bool(kept[done].all())
-            nets.append(n[done])
-            if done.any():
-                worst = max(worst, float(e[done, 0].max()))
-                worst_angle = max(worst_angle, float(e[done, 1].max()))
-                gap = max(gap, float(g[done].max()))
-            b = boxes[done]
-            on = np.stack([b[:, 2] == 0.0, b[:, 1] == 1.0, b[:, 3] == 1.0, b[:, 0] == 0.0], axis=1)
-            edges.append(np.where(on, names, -1))
-            if done.all():
-                break
-            boxes = _halved(boxes[~done], split[~done])
-    if not nets:
-        raise GeometryError("no cell")
-    return Lifted(np.concatenate(nets), np.concatenate(edges), worst, worst_angle, gap, converged)
-
-
-def _halved(boxes: FloatArray, split: FloatArray) -> FloatArray:
-    """Boxes cut in s (1), in t (2) or in both (3)."""
-    out = []
-    for (s0, s1, t0, t1), how in zip(boxes.tolist(), split.tolist(), strict=True):
-        ss = [s0, 0.5 * (s0 + s1), s1] if how & 1 else [s0, s1]
-        tt = [t0, 0.5 * (t0 + t1), t1] if how & 2 else [t0, t1]
-        for a, b in zip(ss[:-1], ss[1:], strict=True):
-            for c, d in zip(tt[:-1], tt[1:], strict=True):
-                out.append((a, b, c, d))
-    return np.array(out)
-
-
-def _level(
     surface: Surface,
-    cell: Cell,
-    base: FloatArray,
-    boxes: FloatArray,
+    cells: list[Cell],
     tolerance: float,
     angle_deg: float,
     snap: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Nets, (deviation, angle), gaps, split direction and acceptance of each box."""
-    s = boxes[:, :1] + (boxes[:, 1:2] - boxes[:, :1]) * CHECK
-    t = boxes[:, 2:3] + (boxes[:, 3:] - boxes[:, 2:3]) * CHECK
-    uv, sides = coons(cell, s, t)
-    p, pu, pv = surface.evaluate(uv[..., 0], uv[..., 1])
-    gap = np.zeros(len(boxes))
+    area_limit: float = np.inf,
+    *,
+    eager: bool = False,
+) -> Lifted:
+    """Patches of the cells, halved until within ``tolerance`` [file units] and ``angle_deg``.
+
+    Boundaries are the rational cubics of the edges wherever these are nearer than ``snap``. Each
+    patch keeps its own area within ``area_limit`` relative as well. Boxes that must be cut for
+    their boundary are cut the other way at once when ``eager``, else when they are found wanting.
+    """
+    if not cells:
+        raise GeometryError("no cell")
+    sides = Sides(cells)
+    gaps, moves = sides.measure_gaps(surface, snap)
+    moves &= bool(gaps[sides.on_edge].max(initial=0.0) > 1e-3 * tolerance)
+    job = _Job(surface, sides, moves, tolerance, angle_deg, area_limit, eager)
+    boxes = Boxes(np.arange(len(cells)), np.tile([0.0, 1.0, 0.0, 1.0], (len(cells), 1)))
+    leaves, every, error, converged = _refined(job, boxes)
+    for round_ in range(MENDING + 1):
+        pure = every.copy()
+        follows = mended(every, leaves.cell, leaves.box, sides.arcs)
+        if not follows:
+            break
+        changed = np.array(sorted(follows))
+        again = _level(job, leaves.take(changed), every[changed])
+        bad = changed[~again.kept & (error[changed, 1] <= angle_deg)]
+        if not len(bad) or not converged or round_ == MENDING or len(every) > MOST_BOXES:
+            error = error.copy()
+            error[changed] = again.errors
+            converged &= bool(again.kept.all())
+            break
+        # Too far for a small patch to go: the long side beside it is cut instead.
+        how = np.zeros(len(every), dtype=np.int64)
+        for i in bad.tolist():
+            for owner, side in follows[i]:
+                how[owner] |= 1 + side % 2
+        cut = how > 0
+        middle = 0.5 * (leaves.box[:, ::2] + leaves.box[:, 1::2])
+        finer, nets, errors, fine = _refined(job, _cut(leaves, how, middle, cut))
+        converged &= fine
+        keep = np.flatnonzero(~cut)
+        leaves = leaves.take(keep).with_(finer)
+        every = np.concatenate([pure[keep], nets])
+        error = np.concatenate([error[keep], errors])
+    names = np.where(leaves.on_border(), sides.names[leaves.cell], -1)
+    area = float(error[:, 2].sum())
+    return Lifted(
+        every, names, float(error[:, 0].max()), float(error[:, 1].max()),
+        float(gaps.max()), converged, area, abs(float(error[:, 3].sum())) / max(area, 1e-300),
+    )  # fmt: skip
+
+
+def _refined(job: _Job, boxes: Boxes) -> tuple[Boxes, FloatArray, FloatArray, bool]:
+    """Boxes cut until each is good, their patches and errors, and whether all are."""
+    leaves, nets, errors, converged = [], [], [], True
+    for depth in range(DEEPEST + 1):
+        level = _level(job, boxes)
+        # A kink or cusp of the surface keeps its angle at any size: where the position is far
+        # inside the tolerance, halving on is of no use.
+        last = depth == DEEPEST or len(boxes.cell) > MOST_BOXES
+        hopeless = level.whole & (level.errors[:, 0] <= 0.1 * job.tolerance) & (depth >= 4)
+        done = np.logical_or(level.kept, hopeless) | last
+        converged &= bool(level.kept[done].all())
+        nets.append(level.nets[done])
+        errors.append(level.errors[done])
+        leaves.append(boxes.take(np.flatnonzero(done)))
+        if done.all():
+            break
+        boxes = _cut(boxes, level.split, level.cuts, ~done)
+    every = Boxes(np.concatenate([b.cell for b in leaves]), np.concatenate([b.box for b in leaves]))
+    return every, np.concatenate(nets), np.concatenate(errors), converged
+
+
+def _cut(boxes: Boxes, split: IntArray, cuts: FloatArray, which: BoolArray) -> Boxes:
+    """Boxes cut in s (1), in t (2) or in both (3) at ``cuts`` (n, 2)."""
+    cells, out = [], []
+    rows = np.flatnonzero(which)
+    for c, (s0, s1, t0, t1), how, (s, t) in zip(
+        boxes.cell[rows].tolist(),
+        boxes.box[rows].tolist(),
+        split[rows].tolist(),
+        cuts[rows].tolist(),
+        strict=True,
+    ):
+        ss = [s0, s, s1] if how & 1 else [s0, s1]
+        tt = [t0, t, t1] if how & 2 else [t0, t1]
+        for a, b in zip(ss[:-1], ss[1:], strict=True):
+            for d, e in zip(tt[:-1], tt[1:], strict=True):
+                cells.append(c)
+                out.append((a, b, d, e))
+    return Boxes(np.array(cells), np.array(out))
+
+
+@dataclass(slots=True)
+class _Level:
+    """Patches of boxes; ``errors``: distance, angle [deg], area and its error; how to go on.
+
+    ``whole`` are boxes whose boundary on an edge is one cubic; ``cuts`` (n, 2) is where to cut,
+    ``over`` the directions in which the tolerance is missed.
+    """
+
+    nets: FloatArray
+    errors: FloatArray
+    split: IntArray
+    kept: BoolArray
+    whole: BoolArray
+    cuts: FloatArray
+    over: IntArray
+
+
+def _level(job: _Job, boxes: Boxes, made: FloatArray | None = None) -> _Level:
+    """Patches of boxes, or those already ``made``, compared with the surface."""
+    sides, box, cell = job.sides, boxes.box, boxes.cell
+    s = box[:, :1] + (box[:, 1:2] - box[:, :1]) * CHECK
+    t = box[:, 2:3] + (box[:, 3:] - box[:, 2:3]) * CHECK
+    uv = sides.coons(cell, s, t)
+    p, pu, pv = job.surface.evaluate(uv[..., 0], uv[..., 1])
     p = p.copy()
-    for k, x in enumerate(sides):
-        if x is None:
-            continue
-        on = boxes[:, (2, 1, 3, 0)[k]] == (0.0, 1.0, 1.0, 0.0)[k]
-        row = (np.s_[:, :, 0], np.s_[:, 6, :], np.s_[:, :, 6], np.s_[:, 0, :])[k]
-        shift = np.where(on[:, None, None], x - p[row], 0.0)
-        distance = np.linalg.norm(shift, axis=-1).max(axis=1)
-        gap = np.maximum(gap, distance)
-        shift[distance > snap] = 0.0
-        p[row] += shift
-    w = np.empty((len(boxes), 4, 4))
-    for b, (s0, s1, t0, t1) in enumerate(boxes.tolist()):
-        w[b] = (
-            base
-            if s1 - s0 == 1.0 == t1 - t0
-            else (split_matrix(s0, s1) @ base @ split_matrix(t0, t1).T)
-        )
+    if job.moves:
+        p += sides.shifts(job.surface, cell, s, t)
+    ms, mt = split_matrix(box[:, 0], box[:, 1]), split_matrix(box[:, 2], box[:, 3])
+    w = ms @ sides.weights[cell] @ mt.swapaxes(1, 2)
+    # Boundary rows are parts of the edges' own cubics, the same for both faces of an edge.
+    on = boxes.on_border() & sides.on_edge[cell]
+    rows = []
+    # Where boxes are cut in s and in t; a boundary of several cubics is cut where they meet.
+    cuts = 0.5 * (box[:, ::2] + box[:, 1::2])
+    across = np.zeros(len(box), dtype=np.int64)
+    for k, m in enumerate((ms, mt, ms, mt)):
+        some = np.flatnonzero(on[:, k])
+        axis = k % 2
+        net, cut = sides.rows(cell[some], k, box[some, 2 * axis], box[some, 2 * axis + 1], m[some])
+        several = np.isfinite(cut)
+        across[some[several]] |= 1 + axis
+        cuts[some[several], axis] = cut[several]
+        some, net = some[~several], net[~several]
+        rows.append((some, net))
+        h = np.einsum("ai,nij->naj", _BASIS, net)
+        p[_side(some, k, 6)] = h[..., :3] / h[..., 3:]
     at_nodes = bernstein(LOBATTO)
-    weight = np.einsum("ai,bj,nij->nab", at_nodes, at_nodes, w)
-    h = np.empty((len(boxes), 4, 4, 4))
+    weight = np.einsum("ai,bj,nij->nab", at_nodes, at_nodes, w, optimize=True)
+    h = np.empty((len(box), 4, 4, 4))
     h[..., :3] = p[:, _NODE][:, :, _NODE] * weight[..., None]
     h[..., 3] = weight
-    nets = np.einsum("ia,jb,nabk->nijk", TO_CONTROL, TO_CONTROL, h)
+    nets = np.einsum("ia,jb,nabk->nijk", TO_CONTROL, TO_CONTROL, h, optimize=True)
     nets[..., 3] = w
-    _collapse(nets, cell, boxes)
+    for k, (some, net) in enumerate(rows):
+        # The weights of a row agree with those of the patch to rounding; its own keep its bits.
+        nets[_side(some, k, 3)] = net
+    _collapse(nets, sides, boxes)
+    if made is not None:
+        nets = made
+    out = _measured(nets, p, pu, pv, job.tolerance, job.angle_deg, job.area_limit, job.moves)
+    out.cuts = cuts
+    out.whole = across == 0
+    out.split = np.where(out.whole, out.split, across | (out.over if job.eager else 0))
+    out.kept &= out.whole
+    return out
 
-    q = np.einsum("ai,bj,nijk->nabk", _BASIS, _BASIS, nets)
-    qs = np.einsum("ai,bj,nijk->nabk", _SLOPE, _BASIS, nets)
-    qt = np.einsum("ai,bj,nijk->nabk", _BASIS, _SLOPE, nets)
+
+def _side(some: IntArray, k: int, last: int) -> tuple:
+    """Index of side ``k`` of the arrays ``some``, run in the direction of +s or +t."""
+    everything = slice(None)
+    return (
+        (some, everything, 0), (some, last), (some, everything, last), (some, 0)
+    )[k]  # fmt: skip
+
+
+def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Angles between unit vectors (..., 3). [deg]"""
+    chord = np.linalg.norm(a - b, axis=-1)
+    return np.asarray(2.0 * np.degrees(np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))
+
+
+def _measured(
+    nets: FloatArray,
+    p: FloatArray,
+    pu: FloatArray,
+    pv: FloatArray,
+    tolerance: float,
+    angle_deg: float,
+    area_limit: float,
+    moved: bool,
+) -> _Level:
+    """Patches compared with the points and tangents of the surface at `CHECK`."""
+    q = np.einsum("ai,bj,nijk->nabk", _BASIS, _BASIS, nets, optimize=True)
+    qs = np.einsum("ai,bj,nijk->nabk", _SLOPE, _BASIS, nets, optimize=True)
+    qt = np.einsum("ai,bj,nijk->nabk", _BASIS, _SLOPE, nets, optimize=True)
     x = q[..., :3] / q[..., 3:]
     xs = (qs[..., :3] - qs[..., 3:] * x) / q[..., 3:]
     xt = (qt[..., :3] - qt[..., 3:] * x) / q[..., 3:]
@@ -226,31 +336,43 @@ def _level(
         d = d / np.where(length > 0.0, length, 1.0)
         o = o - np.einsum("nak,nak->na", o, d)[..., None] * d
         distance[row] = np.linalg.norm(o, axis=-1)
-    chord = np.linalg.norm(n_patch - n_face, axis=-1)
-    angle = np.where(ok, 2.0 * np.degrees(np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))), 0.0)
-    measure = np.maximum(distance / tolerance, angle / angle_deg)
+    angle = np.where(ok, _angles(n_patch, n_face), 0.0)
+    ps = np.einsum("ca,nabk->ncbk", _DERIVATIVE, p)
+    pt = np.einsum("cb,nabk->nack", _DERIVATIVE, p)
+    normal = np.cross(ps, pt)
+    wanted = np.linalg.norm(normal, axis=-1)
+    # Where the surface was moved to its edges no halving brings its own normal back.
+    bent = angle
+    if moved:
+        normal = normal / np.where(wanted > 0.0, wanted, 1.0)[..., None]
+        bent = np.where(ok & (wanted > 0.0), np.minimum(angle, _angles(n_patch, normal)), 0.0)
+    measure = np.maximum(distance / tolerance, bent / angle_deg)
+    area = np.einsum("a,nab,b->n", _INTEGRAL, wanted, _INTEGRAL)
+    excess = np.einsum("a,nab,b->n", _INTEGRAL, a - wanted, _INTEGRAL)
     in_s = measure[:, _BETWEEN][:, :, _NODE].max(axis=(1, 2))
     in_t = measure[:, _NODE][:, :, _BETWEEN].max(axis=(1, 2))
     split = np.where(in_s > 4.0 * in_t, 1, np.where(in_t > 4.0 * in_s, 2, 3))
-    errors = np.stack([distance.max(axis=(1, 2)), angle.max(axis=(1, 2))], axis=1)
-    extent = np.ptp(x.reshape(len(boxes), -1, 3), axis=1).max(axis=1)
-    kept = (measure.max(axis=(1, 2)) <= 1.0) | (
-        (errors[:, 0] <= tolerance) & (extent < 10.0 * tolerance)
-    )
-    return nets, errors, gap, split, kept
+    over = (in_s > 1.0).astype(np.int64) + 2 * (in_t > 1.0)
+    errors = np.stack([distance.max(axis=(1, 2)), angle.max(axis=(1, 2)), area, excess], axis=1)
+    extent = np.ptp(x.reshape(len(nets), -1, 3), axis=1).max(axis=1)
+    kept = measure.max(axis=(1, 2)) <= 1.0
+    if np.isfinite(area_limit):
+        kept &= np.abs(excess) <= area_limit * np.abs(area)
+    kept |= (errors[:, 0] <= tolerance) & (extent < 10.0 * tolerance)
+    whole = np.ones(len(nets), dtype=bool)
+    return _Level(nets, errors, split, kept, whole, np.empty((0, 2)), over)
 
 
-def _collapse(nets: FloatArray, cell: Cell, boxes: FloatArray) -> None:
+def _collapse(nets: FloatArray, sides: Sides, boxes: Boxes) -> None:
     """Make the points of a collapsed side the same bits."""
-    for k, column in enumerate((2, 1, 3, 0)):
-        if cell.sides[k] is not None:
-            continue
-        on = boxes[:, column] == (0.0, 1.0, 1.0, 0.0)[k]
-        row = (np.s_[on, :, 0], np.s_[on, 3, :], np.s_[on, :, 3], np.s_[on, 0, :])[k]
-        side = nets[row]
-        point = side[:, :1, :3] / side[:, :1, 3:]
-        side[..., :3] = point * side[..., 3:]
-        nets[row] = side
+    on = boxes.on_border() & sides.collapsed[boxes.cell]
+    for k in range(4):
+        some = np.flatnonzero(on[:, k])
+        if len(some):
+            row = nets[_side(some, k, 3)]
+            point = row[:, :1, :3] / row[:, :1, 3:]
+            row[..., :3] = point * row[..., 3:]
+            nets[_side(some, k, 3)] = row
 
 
 def spline_nets(surface_pieces: FloatArray, u_cuts: list, v_cuts: list) -> FloatArray:
@@ -267,8 +389,3 @@ def spline_nets(surface_pieces: FloatArray, u_cuts: list, v_cuts: list) -> Float
             net = np.einsum("ai,bj,ijk->abk", up, vp, part)
             out.append(net / net[..., 3].max())
     return np.array(out)
-
-
-def boundary_of(cells: list[Cell]) -> list[Arc]:
-    """All sides of cells that lie on an edge."""
-    return [a for c in cells for a in c.sides if a is not None and a.edge >= 0]

@@ -12,7 +12,7 @@ References
 from __future__ import annotations
 
 from functools import cache
-from math import comb
+from math import ceil, comb, floor
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -127,3 +127,13 @@ def restricted(pieces: FloatArray, a: float, b: float) -> FloatArray:
             level = (1.0 - t) * level[:-1] + t * level[1:]
         out[k] = level[0]
     return out
+
+
+def knots_between(knots: FloatArray, period: float | None, a: float, b: float) -> FloatArray:
+    """``a``, the knots strictly between ``a`` and ``b`` in every period, and ``b``."""
+    if period is not None:
+        low, high = floor((a - knots[0]) / period), ceil((b - knots[0]) / period)
+        knots = np.unique(np.concatenate([knots + k * period for k in range(low, high + 1)]))
+    margin = 1e-9 * (b - a)
+    inside = knots[(knots > a + margin) & (knots < b - margin)]
+    return np.concatenate([[a], inside, [b]])

@@ -71,7 +71,7 @@ def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
         turns = corner_turns(loop)
         if turns.min() > math.radians(30.0):
             cell = Cell((loop[0], None, loop[1], None))
-            if quality([samples_of(cell)])[0] > THIN:
+            if quality(samples_of([cell]))[0] > THIN:
                 return [cell]
         loop = [*loop[0].halves(), *loop[1].halves()]
     turns = corner_turns(loop)
@@ -81,7 +81,7 @@ def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
             return [cell]
     if len(loop) == 4 and (turns > math.radians(25.0)).all():
         cell = Cell((loop[0], loop[1], loop[2], loop[3]))
-        if quality([samples_of(cell)])[0] > GOOD:
+        if quality(samples_of([cell]))[0] > GOOD:
             return [cell]
     if 4 <= len(loop) <= 8 and (np.abs(turns) < math.radians(30.0)).all():
         return _disc(loop, chord)
@@ -94,7 +94,7 @@ def _triangle(arcs: list[Arc]) -> tuple[Cell, float]:
     for k in range(3):
         a, b, c = arcs[k], arcs[(k + 1) % 3], arcs[(k + 2) % 3]
         options.append(Cell((a, b, None, c)))
-    q = quality([samples_of(o) for o in options])
+    q = quality(samples_of(options))
     best = int(np.argmax(q))
     return options[best], float(q[best])
 
@@ -120,7 +120,7 @@ def _disc(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
         closing = rim[n - 1] if k == n - 3 else chord(inner[k + 2], inner[0])
         cells.append(Cell((previous, rim[k], rim[k + 1], closing)))
         previous = closing.reversed()
-    if quality([samples_of(c) for c in cells]).min() < PAIRED:
+    if quality(samples_of(cells)).min() < PAIRED:
         return None
     return cells
 
@@ -142,16 +142,22 @@ def _offenders(loops: list[Loop]) -> set[int]:
     p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
     hit = crossings(p, q)
     bad = {id(a) for a, h in zip(arcs, hit, strict=True) if h and not a.straight}
-    for arc in arcs:
-        if arc.straight:
-            continue
-        low, high = arc.samples.min(axis=0), arc.samples.max(axis=0)
-        near = ((p >= low) & (p <= high)).all(axis=1)
-        size = float(np.abs(high - low).max())
-        near &= np.abs(p - arc.start).max(axis=1) > 1e-7 * size
-        near &= np.abs(p - arc.end).max(axis=1) > 1e-7 * size
-        if near.any() and inside(arc.samples, p[near]).any():
-            bad.add(id(arc))
+    curved = np.array([k for k, a in enumerate(arcs) if not a.straight], dtype=np.int64)
+    if not len(curved):
+        return bad
+    samples = np.array([arcs[k].samples for k in curved.tolist()])
+    low, high = samples.min(axis=1), samples.max(axis=1)
+    # Only arcs with a foreign vertex in their box are looked at one by one.
+    margin = 1e-7 * (high - low).max(axis=1)[:, None]
+    block = max(1, 400_000 // len(p))
+    for first in range(0, len(curved), block):
+        some = slice(first, first + block)
+        near = (p >= low[some, None]).all(-1) & (p <= high[some, None]).all(-1)
+        for end in (samples[some, :1], samples[some, -1:]):
+            near &= np.abs(p - end).max(axis=-1) > margin[some]
+        for k in np.flatnonzero(near.any(axis=1)).tolist():
+            if inside(samples[first + k], p[near[k]]).any():
+                bad.add(id(arcs[curved[first + k]]))
     return bad
 
 
@@ -297,7 +303,7 @@ def _paired(
             arcs[b, a] = found.reversed()
         return found
 
-    triangles = _reshaped(triangles, points, side)
+    triangles, alone = _reshaped(triangles, points, side)
     owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(triangles) for k in range(3)}
     pairs: list[tuple[int, int]] = []
     quads: list[tuple[int, int, int, int]] = []
@@ -310,8 +316,8 @@ def _paired(
         pairs.append((i, j))
         quads.append((a, d, b, c))
     sides = [tuple(side(q[k], q[(k + 1) % 4]) for k in range(4)) for q in quads]
-    q = quality([tuple(side_samples(s) for s in four) for four in sides])  # type: ignore[misc]
-    chosen = _match(pairs, q, _shape(triangles, side))
+    q = quality(np.array([side_samples(s) for four in sides for s in four]).reshape(-1, 4, 9, 2))
+    chosen = _match(pairs, q, alone)
     cells = [Cell(sides[k]) for k in chosen]  # type: ignore[arg-type]
     used = {t for k in chosen for t in pairs[k]}
     worst: set[int] = set()
@@ -335,19 +341,23 @@ Triangle = tuple[int, int, int]
 
 def _shape(triangles: list[Triangle], side: Callable[[int, int], Arc]) -> FloatArray:
     """Quality (n,) of triangles as cells with one collapsed side, curved sides included."""
-    four = []
-    for t in triangles:
-        p = [side_samples(side(t[k], t[(k + 1) % 3])) for k in range(3)]
-        for k in range(3):
-            a, b, c = p[k], p[(k + 1) % 3], p[(k + 2) % 3]
-            four.append((a, b, side_samples(None, b[-1]), c))
-    return np.asarray(quality(four).reshape(-1, 3).max(axis=1))
+    found = [side_samples(side(t[k], t[(k + 1) % 3])) for t in triangles for k in range(3)]
+    three = np.array(found).reshape(-1, 3, 9, 2)
+    four = np.empty((len(three), 3, 4, 9, 2))
+    for k in range(3):
+        a, b, c = three[:, k], three[:, (k + 1) % 3], three[:, (k + 2) % 3]
+        four[:, k, 0], four[:, k, 1], four[:, k, 3] = a, b, c
+        four[:, k, 2] = b[:, -1:]
+    return np.asarray(quality(four.reshape(-1, 4, 9, 2)).reshape(-1, 3).max(axis=1))
 
 
 def _reshaped(
     triangles: list[Triangle], points: FloatArray, side: Callable[[int, int], Arc]
-) -> list[Triangle]:
-    """Diagonals swapped while that improves a bad triangle: Delaunay's rule sees chords only."""
+) -> tuple[list[Triangle], FloatArray]:
+    """Diagonals swapped while that improves a bad triangle: Delaunay's rule sees chords only.
+
+    The triangles and their quality as cells.
+    """
     tri = list(triangles)
     q = _shape(tri, side)
     for _ in range(6):
@@ -379,7 +389,7 @@ def _reshaped(
             q[i], q[j] = new[k]
         if not touched:
             break
-    return tri
+    return tri, q
 
 
 def _left(points: FloatArray, a: int, b: int, c: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -9,17 +10,20 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from . import nurbs
-from .arcs import Arc, Chord, arc_weights
+from .arcs import Arc, Chord, EdgeArc, arc_weights
 from .cells import Cell
 from .chains import QUARTER, Conic, split_by_turning
 from .curves import BSpline, Curve
 from .domain import Domain
 from .lift import spline_nets
 from .surfaces import Extrusion, Offset, Revolution, SplineSurface, Surface
+from .triangulate import signed_area
 
 #: An exact grid with more patches than this competes with an approximate one.
 MANY_PATCHES = 100
 MANY_SPANS = 24
+#: Share of a rectangle or of an edge that is no span of its own.
+CLOSE = 1e-4
 
 
 @dataclass(slots=True)
@@ -38,9 +42,28 @@ class Rectangle:
                 return arc.edge
         return -1
 
+    def arc_between(self, side: int, a: float, b: float) -> Arc | None:
+        """The edge from coordinate ``a`` to ``b`` along a side, where one covers it."""
+        axis = side % 2
+        for arc in self.sides[side]:
+            if arc.net is None and not isinstance(arc, EdgeArc):
+                continue
+            ends = (arc.start[axis] / arc.scale[axis], arc.end[axis] / arc.scale[axis])
+            length = ends[1] - ends[0]
+            low, high = float((a - ends[0]) / length), float((b - ends[0]) / length)
+            if low < -CLOSE or high > 1.0 + CLOSE:
+                continue
+            if isinstance(arc, EdgeArc) and arc.straight:
+                return arc.between(max(low, 0.0), min(high, 1.0))
+            return arc if low < CLOSE and high > 1.0 - CLOSE else None
+        return None
 
-def rectangle(domain: Domain, margin: float) -> Rectangle | None:
-    """The rectangle a face fills in (u, v), or None; ``margin`` in file units."""
+
+def rectangle(domain: Domain, margin: float, *, lost: float = 1.0) -> Rectangle | None:
+    """The rectangle a face fills in (u, v), or None; ``margin`` in file units.
+
+    The face may differ from it by the share ``lost`` of its area.
+    """
     if len(domain.regions) != 1 or len(domain.regions[0]) != 1:
         return None
     arcs = domain.regions[0][0]
@@ -60,6 +83,10 @@ def rectangle(domain: Domain, margin: float) -> Rectangle | None:
     extent = high - low
     if np.abs(length - extent[[0, 1, 0, 1]]).max() > 4.0 * margin + 1e-9 * extent.max():
         return None
+    if lost < 1.0:
+        inside = abs(signed_area(np.concatenate([a.samples[:-1] for a in arcs])))
+        if abs(inside - extent[0] * extent[1]) > lost * inside:
+            return None
     u0, v0 = low / domain.scale
     u1, v1 = high / domain.scale
     return Rectangle((float(u0), float(u1), float(v0), float(v1)), sides)  # type: ignore[arg-type]
@@ -113,20 +140,15 @@ def _local(knots: FloatArray, period: float | None, a: float, b: float) -> tuple
     return int(piece[0]), float(local[0]) - half, float(local[0]) + half
 
 
-def _cuts(knots: FloatArray, period: float | None, a: float, b: float) -> FloatArray:
-    one = np.zeros((len(knots) - 1, 1, 2))
-    return BSpline(knots, one, 0, period).breaks(a, b)
-
-
 def _every(knots: FloatArray, period: float | None, a: float, b: float) -> list[Span]:
-    cuts = _cuts(knots, period, a, b).tolist()
+    cuts = nurbs.knots_between(knots, period, a, b).tolist()
     return [(p, q, 0.0, None) for p, q in zip(cuts[:-1], cuts[1:], strict=True)]
 
 
 def _spline(s: SplineSurface, k: int, a: float, b: float) -> list[Span]:
     knots = (s.u_knots, s.v_knots)[k]
     degree, period = s.degrees[k], s.periods[k]
-    cuts = _cuts(knots, period, a, b)
+    cuts = nurbs.knots_between(knots, period, a, b)
     w = s.pieces[..., 3]
     rational = float(np.ptp(w)) > 1e-12 * float(w.max())
     if degree <= 3 and rational and len(cuts) <= MANY_SPANS:
@@ -140,8 +162,27 @@ def _spline(s: SplineSurface, k: int, a: float, b: float) -> list[Span]:
     sharp = (s.sharp_u, s.sharp_v)[k]
     if sharp is None or not len(sharp):
         return [(a, b, 0.0, None)]
-    inner = _cuts(np.concatenate([knots[:1], sharp, knots[-1:]]), period, a, b)
+    inner = nurbs.knots_between(np.concatenate([knots[:1], sharp, knots[-1:]]), period, a, b)
     return [(p, q, 0.0, None) for p, q in zip(inner[:-1].tolist(), inner[1:].tolist(), strict=True)]
+
+
+def _joints(r: Rectangle, k: int) -> list[float]:
+    """Where the edges on the sides along direction k begin and end, strictly inside."""
+    low, high = r.box[2 * k], r.box[2 * k + 1]
+    found = sorted(
+        float(arc.start[k] / arc.scale[k]) for side in (k, k + 2) for arc in r.sides[side]
+    )
+    out: list[float] = []
+    for at in found:
+        if min(at - (out[-1] if out else low), high - at) > CLOSE * (high - low):
+            out.append(at)
+    return out if len(out) < MANY_SPANS else []
+
+
+def _divided(surface: Surface, r: Rectangle, k: int) -> list[Span]:
+    """Spans of direction k, cut where edges of the border meet: their other faces do so too."""
+    cuts = [r.box[2 * k], *_joints(r, k), r.box[2 * k + 1]]
+    return [span for a, b in itertools.pairwise(cuts) for span in spans(surface, k, a, b)]
 
 
 def grid_cells(
@@ -151,8 +192,7 @@ def grid_cells(
 
     ``at_knots`` cuts at every knot of a spline and not only where it may have a kink.
     """
-    u0, u1, v0, v1 = r.box
-    us, vs = spans(surface, 0, u0, u1), spans(surface, 1, v0, v1)
+    us, vs = _divided(surface, r, 0), _divided(surface, r, 1)
     base = surface.base if isinstance(surface, Offset) else surface
     if at_knots and isinstance(base, SplineSurface):
         us = [s for a, b, *_ in us for s in _every(base.u_knots, base.periods[0], a, b)]
@@ -160,20 +200,22 @@ def grid_cells(
     cells = []
     for i, (a, b, hu, wu) in enumerate(us):
         for j, (c, d, hv, wv) in enumerate(vs):
-            mu, mv = 0.5 * (a + b), 0.5 * (c + d)
-            edges = (
-                r.edge_at(0, mu) if j == 0 else -1,
-                r.edge_at(1, mv) if i == len(us) - 1 else -1,
-                r.edge_at(2, mu) if j == len(vs) - 1 else -1,
-                r.edge_at(3, mv) if i == 0 else -1,
-            )
+            border = (j == 0, i == len(us) - 1, j == len(vs) - 1, i == 0)
             corners = np.array([[a, c], [b, c], [b, d], [a, d]])
             x = arc_weights(hu) if wu is None else wu
             y = arc_weights(hv) if wv is None else wv
             weights = (x * y[0], x[3] * y, x[::-1] * y[3], x[0] * y[::-1])
-            sides = []
+            free = wu is None and wv is None and not any(surface.angular)
+            sides: list[Arc] = []
             for k in range(4):
-                side = Chord(corners[k], corners[(k + 1) % 4], (hu, hv, hu, hv)[k], scale, edges[k])
+                p, q = corners[k], corners[(k + 1) % 4]
+                arc = r.arc_between(k, p[k % 2], q[k % 2]) if border[k] else None
+                fits = arc is not None and np.abs(arc.weights - weights[k]).max() < 1e-9
+                if arc is not None and (fits or free):
+                    sides.append(arc)
+                    continue
+                edge = r.edge_at(k, 0.5 * float(p[k % 2] + q[k % 2])) if border[k] else -1
+                side = Chord(p, q, (hu, hv, hu, hv)[k], scale, edge)
                 side.weights = weights[k]
                 sides.append(side)
             cells.append(Cell((sides[0], sides[1], sides[2], sides[3])))
@@ -185,7 +227,10 @@ def exact_spline(s: SplineSurface, r: Rectangle) -> tuple[FloatArray, IntArray] 
     if max(s.degrees) > 3:
         return None
     u0, u1, v0, v1 = r.box
-    cu, cv = _cuts(s.u_knots, s.periods[0], u0, u1), _cuts(s.v_knots, s.periods[1], v0, v1)
+    cu, cv = (
+        nurbs.knots_between(s.u_knots, s.periods[0], u0, u1),
+        nurbs.knots_between(s.v_knots, s.periods[1], v0, v1),
+    )
     us = [_local(s.u_knots, s.periods[0], a, b) for a, b in zip(cu[:-1], cu[1:], strict=True)]
     vs = [_local(s.v_knots, s.periods[1], a, b) for a, b in zip(cv[:-1], cv[1:], strict=True)]
     nets = spline_nets(s.pieces, us, vs)

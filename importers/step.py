@@ -26,6 +26,7 @@ def read_step(
     angle_deg: float = 1.0,
     heal: bool = True,
     timeout_s: float = 300.0,
+    check_areas: bool = True,
 ) -> Model:
     """Read a STEP file (AP203, AP214, AP242) into rational bicubic patches.
 
@@ -46,6 +47,9 @@ def read_step(
         Let the CAD kernel repair parts of which a face cannot be converted.
     timeout_s : float
         Limit for reading and converting. [s]
+    check_areas : bool
+        Compare the area of each face with an integral over its surface and boundary alone; without
+        it `Face.area_error` is NaN.
 
     Returns
     -------
@@ -64,7 +68,8 @@ def read_step(
     text = checked_content(file)
     request = {
         "path": str(file), "scale": scale, "unit": unit, "tolerance": tolerance,
-        "angle_deg": angle_deg, "heal": heal, "sha256": hashlib.sha256(text).hexdigest(),
+        "angle_deg": angle_deg, "heal": heal, "check_areas": check_areas,
+        "sha256": hashlib.sha256(text).hexdigest(),
     }  # fmt: skip
     return unpack(_run(request, timeout_s))
 
@@ -136,8 +141,9 @@ def unpack(data: dict[str, Any]) -> Model:
     parts = tuple(Part(*row) for row in data["parts"])
     faces = tuple(Face(*row) for row in data["faces"])
     certificate = Certificate(
-        faces, tuple(p.path for p in parts), data["seconds"], tuple(data["notes"])
-    )
+        faces, tuple(p.path for p in parts), data["seconds"], tuple(data["notes"]),
+        data["reading_seconds"], data["area_seconds"],
+    )  # fmt: skip
     return Model(
         data["name"], parts, faces, PatchSet(*data["patches"]), certificate,
         data["source"], data["sha256"], data["unit"], tuple(data["warnings"]),

@@ -94,12 +94,28 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What the conversion did to each face, and how long it took."""
+    """What the conversion did to each face, and how long it took.
+
+    Attributes
+    ----------
+    faces : tuple of Face
+        One row a face.
+    part_paths : tuple of str
+        Paths of the parts that ``Face.part`` counts.
+    seconds : float
+        Reading and conversion, without the area check. [s]
+    notes : tuple of str
+        What was repaired or turned, one line each.
+    reading_seconds, area_seconds : float
+        The share of the CAD kernel's reading in ``seconds``, and the area check. [s]
+    """
 
     faces: tuple[Face, ...]
     part_paths: tuple[str, ...]
     seconds: float = 0.0
     notes: tuple[str, ...] = ()
+    reading_seconds: float = 0.0
+    area_seconds: float = 0.0
 
     @property
     def faces_total(self) -> int:
