@@ -44,7 +44,8 @@ FILLED = 24
 SET_DEG = -0.5
 #: Difference between the longitude of the station and that of its time zone that is told. [h]
 ODD_ZONE_H = 3.0
-#: Sine of the sun's altitude below which level radiation does not tell the direct one.
+#: Sine of the sun's altitude below which the light of the sun on a level plane does not tell how
+#: much there is of it.
 LOW = 0.05
 #: Closure of global = diffuse + direct · sin γ, of the year's sum, beyond which it is told.
 OPEN = 0.1
@@ -114,8 +115,8 @@ def read_weather(path: str | os.PathLike[str]) -> Weather:
         diffuse_horizontal_w_m2=_values(path, data, _DIFFUSE),
         direct_normal_lx=None,
         diffuse_horizontal_lx=None,
-        dew_point_c=frozen(_values(path, data, _DEW)),
-        albedo=frozen(_values(path, data, _ALBEDO)),
+        dew_point_c=frozen(_values(path, data, _DEW, remarks)),
+        albedo=frozen(_values(path, data, _ALBEDO, remarks)),
         source=str(path),
         sha256=hashlib.sha256(raw).hexdigest(),
     )
@@ -196,7 +197,8 @@ def _starts(path: Path, data: DataFrame, step: int) -> NDArray[np.datetime64]:
     leap = bool(((month == 2) & (day == 29)).any())
     # Typical years put months of different years together, and leave out the day of leap years.
     nominal = int(year[0]) if (year == year[0]).all() else 2001
-    if calendar.isleap(nominal) != leap:
+    whole = bool((month <= 2).any() and (month >= 3).any())
+    if calendar.isleap(nominal) != leap and (leap or whole):
         nominal = 2004 if leap else nominal - 1
     months = (month.astype(np.int64) - 1 + 12 * (nominal - 1970)).astype("datetime64[M]")
     days = months.astype("datetime64[D]") + (day.astype(np.int64) - 1)
@@ -214,29 +216,31 @@ def _starts(path: Path, data: DataFrame, step: int) -> NDArray[np.datetime64]:
     return frozen(starts, "datetime64[m]")
 
 
-def _values(path: Path, data: DataFrame, column: Column) -> FloatArray:
-    """Values (n,) of a column, NaN where missing."""
+def _values(
+    path: Path, data: DataFrame, column: Column, remarks: list[str] | None = None
+) -> FloatArray:
+    """Values (n,) of a column, NaN where missing.
+
+    Those that cannot be are errors or, with ``remarks``, missing.
+    """
     import pandas as pd
 
     raw = data[column.name]
     values = np.array(pd.to_numeric(raw, errors="coerce"), dtype=np.float64)
-    stated = raw.notna().to_numpy()
-    bad = np.flatnonzero(stated & ~np.isfinite(values))
-    if len(bad):
-        k = int(bad[0])
-        raise InputError(
-            f"{path}: line {data['line'].iloc[k]}: {column.name} = {raw.iloc[k]!r}: no number"
-        )
-    values[values >= column.missing] = np.nan
     # A sensor's offset at night is some W/m² below nothing.
     slack = 10.0 if column.least == 0.0 else 0.0
-    bad = np.flatnonzero((values > column.most) | (values < column.least - slack))
-    if len(bad):
-        k = int(bad[0])
-        raise InputError(
-            f"{path}: line {data['line'].iloc[k]}: {column.name} = {values[k]:g}: must lie between "
-            f"{column.least:g} and {column.most:g}"
-        )
+    with np.errstate(invalid="ignore"):
+        lacking = values >= column.missing
+        odd = ~lacking & ~((values >= column.least - slack) & (values <= column.most))
+    odd &= raw.notna().to_numpy()
+    if odd.any():
+        k = int(np.argmax(odd))
+        what = f"line {data['line'].iloc[k]}: {column.name} = {raw.iloc[k]}"
+        bound = f"must be a number from {column.least:g} to {column.most:g}"
+        if remarks is None:
+            raise InputError(f"{path}: {what}: {bound}")
+        remarks.append(f"{what}: {bound}; taken for missing in {int(odd.sum())} steps")
+    values[lacking | odd] = np.nan
     return np.maximum(values, column.least)
 
 
@@ -287,9 +291,12 @@ def _complete(
     for values in (direct, diffuse):
         values[np.isnan(values) & ~day] = 0.0
     level = np.maximum(height, 0.0)
-    no_direct = np.isnan(direct) & ~np.isnan(diffuse + whole) & (height > LOW)
+    no_direct = np.isnan(direct) & ~np.isnan(diffuse + whole)
     no_diffuse = np.isnan(diffuse) & ~np.isnan(direct + whole)
-    direct[no_direct] = np.maximum(whole - diffuse, 0.0)[no_direct] / height[no_direct]
+    high = no_direct & (height > LOW)
+    direct[high] = np.maximum(whole - diffuse, 0.0)[high] / height[high]
+    # So low a sun is spread over the sky.
+    direct[no_direct & ~high], diffuse[no_direct & ~high] = 0.0, whole[no_direct & ~high]
     diffuse[no_diffuse] = np.maximum(whole - direct * level, 0.0)[no_diffuse]
     told = int(no_direct.sum() + no_diffuse.sum())
     if told:
@@ -318,7 +325,7 @@ def _illuminance(
     path: Path, data: DataFrame, column: Column, irradiance: FloatArray, remarks: list[str]
 ) -> FloatArray | None:
     """Illuminances (n,) as stated; None where the file has none."""
-    values = _values(path, data, column)
+    values = _values(path, data, column, remarks)
     lit = irradiance > 0.0
     if np.isnan(values[lit]).all() or not (values[lit] > 0.0).any():
         if lit.any():

@@ -59,13 +59,7 @@ class SkyTable(Table):
             values["sun_azimuth_deg"] = sun.azimuth_deg
         if self.model == "cie":
             return CIESky(**values)
-        needed = (
-            "direct_normal_w_m2",
-            "diffuse_horizontal_w_m2",
-            "sun_altitude_deg",
-            "sun_azimuth_deg",
-        )
-        lacking = [key for key in needed if key not in values]
+        lacking = [key for key in _PEREZ_NEEDS if key not in values]
         if lacking:
             raise InputError(f"model 'perez' needs {', '.join(lacking)}")
         return PerezSky(**values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from patchlight.solver.model import SceneData
+from patchlight.solver.model import PerezSky, SceneData
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -64,6 +64,11 @@ def _light(data: SceneData) -> list[str]:
     if data.sky is not None and data.sky.relative:
         notes.append(
             "the sky has no level of its own: scaled to 10 000 lx diffuse horizontal (relative)"
+        )
+    if isinstance(data.sky, PerezSky) and data.sky.direct_normal_w_m2 > 0.0 and data.sun is None:
+        notes.append(
+            f"the sky is that of a sun of {data.sky.direct_normal_w_m2:g} W/m² direct normal, but "
+            "the scene has no sun: its beam is left out"
         )
     if data.sun is not None and data.sun.altitude_deg <= 0.0:
         notes.append(f"the sun is below the horizon (altitude {data.sun.altitude_deg:g} degrees)")

@@ -29,6 +29,8 @@ def universal_time(time: datetime.datetime | str, timezone: str | None) -> datet
     moment = time
     if isinstance(moment, str):
         try:
+            if len(moment) <= len("2026-06-21"):
+                raise ValueError("a day has no one sun")
             moment = datetime.datetime.fromisoformat(moment)
         except ValueError:
             raise InputError(f"time = {time!r}: must be like 2026-06-21T12:00") from None

@@ -127,12 +127,14 @@ def efficacies(
 def in_form_of_cie(shape: FloatArray) -> FloatArray:
     """The same shapes (n, 5) as CIE S 011 has them, up to a factor.
 
-    Rare combinations of ε and Δ make the horizon infinitely bright (b > 0), or the zenith darker
-    than black (1 + a exp b < 0): there b is 0, and the zenith black.
+    Rare combinations of ε and Δ make the horizon infinitely bright (b > 0), or the zenith or the
+    surroundings of the sun darker than black (1 + a exp b < 0, 1 + c + e < 0): there b is 0, and
+    these are black.
     """
     out = np.array(shape, dtype=np.float64)
     out[:, 1] = np.minimum(out[:, 1], 0.0)
     out[:, 0] = np.maximum(out[:, 0], -np.exp(-out[:, 1]))
+    out[:, 2] = np.maximum(out[:, 2], -1.0 - out[:, 4])
     whole = 1.0 + out[:, 2] * np.exp(0.5 * math.pi * out[:, 3])
     out[:, 2] /= whole
     out[:, 4] /= whole

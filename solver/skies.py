@@ -65,20 +65,20 @@ def relative_luminance(sky: Sky, directions: ArrayLike) -> FloatArray:
     Directions need not be unit vectors. At and below the horizon the gradation is that of the
     horizon; whether the ground is seen there is up to the caller.
     """
+    return _form(sky, directions) / _form(sky, (0.0, 0.0, 1.0))
+
+
+def _form(sky: Sky, directions: ArrayLike) -> FloatArray:
+    """φ f in ``directions`` (..., 3); 1 + 2 cos Z for type 16."""
     d = np.asarray(directions, dtype=np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     z = np.maximum(d[..., 2], 0.0)
     if _is_traditional(sky):
-        return np.asarray((1.0 + 2.0 * z) / 3.0)
+        return np.asarray(1.0 + 2.0 * z)
     s = np.array(sun_direction(sky))
     angle = np.arctan2(np.linalg.norm(np.cross(s, d), axis=-1), d @ s)
-    at_zenith = math.acos(min(max(s[2], -1.0), 1.0))
-    return np.asarray(
-        _gradation(sky, z)
-        * _indicatrix(sky, angle)
-        / (_gradation(sky, np.ones(1))[0] * _indicatrix(sky, np.array([at_zenith]))[0])
-    )
+    return np.asarray(_gradation(sky, z) * _indicatrix(sky, angle))
 
 
 def _is_traditional(sky: Sky) -> bool:
@@ -105,17 +105,21 @@ def _indicatrix(sky: Sky, angle: FloatArray) -> FloatArray:
 
 
 def diffuse_to_zenith_ratio(sky: Sky) -> float:
-    """Horizontal illuminance over zenith luminance, ∫ (L / L_z) cos Z dω. [sr]
+    """Horizontal illuminance over zenith luminance, ∫ (L / L_z) cos Z dω. [sr]"""
+    return float(_integral(sky) / _form(sky, (0.0, 0.0, 1.0)))
+
+
+def _integral(sky: Sky) -> float:
+    """∫ φ f cos Z dω of the upper hemisphere. [sr]
 
     Integrated in polar coordinates about the sun, where the indicatrix depends on one variable and
     its cusp lies at the end of an interval.
     """
     if _is_traditional(sky):
-        return 7.0 * math.pi / 9.0
+        return 7.0 * math.pi / 3.0
     x, w = gauss_rule(_ORDER)
     if not sky.needs_sun:
-        phi = _gradation(sky, x)
-        return float(2.0 * math.pi * (w * x * phi).sum() / _gradation(sky, np.ones(1))[0])
+        return float(2.0 * math.pi * (w * x * _gradation(sky, x)).sum())
     altitude = math.radians(float(sky.sun_altitude_deg or 0.0))
     sine, cosine = math.sin(altitude), math.cos(altitude)
     # Whole circles about the sun up to its altitude; beyond it arcs above the horizon. Their
@@ -133,21 +137,25 @@ def diffuse_to_zenith_ratio(sky: Sky) -> float:
     z = np.cos(chi)[:, None] * sine + np.sin(chi)[:, None] * cosine * np.cos(psi)
     z = np.maximum(z, 0.0)
     arcs = 2.0 * psi_end * ((_gradation(sky, z) * z) @ w)
-    total = float((weight * np.sin(chi) * _indicatrix(sky, chi) * arcs).sum())
-    zenith = _gradation(sky, np.ones(1))[0] * _indicatrix(sky, np.array([half]))[0]
-    return float(total / zenith)
+    return float((weight * np.sin(chi) * _indicatrix(sky, chi) * arcs).sum())
+
+
+def _level(sky: Sky) -> float:
+    """Luminance over φ f. [cd/m²]"""
+    if isinstance(sky, CIESky) and sky.zenith_luminance_cd_m2 is not None:
+        return float(sky.zenith_luminance_cd_m2 / _form(sky, (0.0, 0.0, 1.0)))
+    # Not by the zenith, which may be black.
+    return horizontal_illuminance(sky) / _integral(sky)
 
 
 def zenith_luminance(sky: Sky) -> float:
     """Zenith luminance L_z: as given, or from the diffuse illuminance. [cd/m²]"""
-    if isinstance(sky, CIESky) and sky.zenith_luminance_cd_m2 is not None:
-        return float(sky.zenith_luminance_cd_m2)
-    return float(horizontal_illuminance(sky) / diffuse_to_zenith_ratio(sky))
+    return float(_level(sky) * _form(sky, (0.0, 0.0, 1.0)))
 
 
 def luminance(sky: Sky, directions: ArrayLike) -> FloatArray:
     """Luminance in ``directions`` (..., 3): (...) array; see `relative_luminance`. [cd/m²]"""
-    return zenith_luminance(sky) * relative_luminance(sky, directions)
+    return _level(sky) * _form(sky, directions)
 
 
 def horizontal_illuminance(sky: Sky) -> float:
@@ -210,10 +218,6 @@ def sky_parameters(sky: Sky) -> FloatArray:
 
     The factor holds the level, so that the kernel returns cd/m².
     """
-    level = zenith_luminance(sky)
     if _is_traditional(sky):
-        return frozen([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, level / 3.0])
-    s = sun_direction(sky)
-    at_zenith = math.acos(min(max(s[2], -1.0), 1.0))
-    zenith = _gradation(sky, np.ones(1))[0] * _indicatrix(sky, np.array([at_zenith]))[0]
-    return frozen([0.0, *_shape(sky), level / zenith])
+        return frozen([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, _level(sky)])
+    return frozen([0.0, *_shape(sky), _level(sky)])

@@ -23,7 +23,7 @@ FLOOR = 0.01
 def relative_errors(grid: SensorResult) -> FloatArray:
     """Error (m,) of each sensor relative to its value; empty for a dark grid."""
     mean = grid.mean(grid.illuminance_lx)
-    if not mean > 0.0:
+    if mean == 0.0:
         return np.zeros(0)
     return np.asarray(grid.error_lx / np.maximum(grid.illuminance_lx, FLOOR * mean))
 
@@ -70,5 +70,7 @@ def accuracy_message(sensors: Mapping[str, SensorResult], asked: float) -> str:
 
 def _rounded_up(value: float) -> str:
     """Two digits, never below ``value``: 0.0502 must not look like the 0.05 that was asked."""
+    if not math.isfinite(value):
+        return str(value)
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return f"{math.ceil(value / step - 1e-9) * step:.2g}"

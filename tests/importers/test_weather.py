@@ -128,6 +128,41 @@ def test_stated_illuminances(tmp_path):
     assert (weather.diffuse_horizontal_lx == 12000).all()
 
 
+def test_what_is_not_essential_is_taken_for_missing(tmp_path):
+    weather = read(tmp_path, epw_text(rows=replaced(12, 33, 7)))
+    assert (
+        "line 20: albedo = 7.0: must be a number from 0 to 1; taken for missing"
+        in weather.remarks[0]
+    )
+    assert np.isnan(weather.albedo[11]) and weather.albedo[10] == 0.2
+
+
+def test_files_without_direct_radiation(tmp_path):
+    """All of it is told from the global one, and so is what comes in the evening."""
+
+    def change(lines):
+        return [replaced(1, 15, 9999)([line])[0] for line in lines]
+
+    whole = read(tmp_path, epw_text(days=20))
+    weather = read(tmp_path, epw_text(days=20, rows=change))
+    altitude, _ = sun_positions(whole.site, whole.middles_utc)
+    up = altitude > 3.0
+    np.testing.assert_allclose(
+        weather.direct_normal_w_m2[up], whole.direct_normal_w_m2[up], rtol=1e-3, atol=0.1
+    )
+    level = [
+        w.diffuse_horizontal_w_m2
+        + w.direct_normal_w_m2 * np.sin(np.radians(np.maximum(altitude, 0)))
+        for w in (whole, weather)
+    ]
+    np.testing.assert_allclose(level[1], level[0], atol=0.1)
+
+
+def test_a_part_of_a_leap_year_keeps_its_year(tmp_path):
+    weather = read(tmp_path, epw_text(year=2020, first=(6, 1)))
+    assert str(weather.starts[0]) == "2020-06-01T00:00"
+
+
 def test_a_zone_of_the_wrong_sign_is_told(tmp_path):
     """Light is made right for the zone, and the file says another longitude."""
     text = epw_text(longitude=-122.0, zone=-8.0, days=365, first=(1, 1))
@@ -152,10 +187,15 @@ def test_a_zone_of_the_wrong_sign_is_told(tmp_path):
         (epw_text(rows=lambda r: r[:10] + r[11:]), "line 19: .* must be 60 min later"),
         (epw_text(rows=lambda r: r[:10] + r[9:]), "line 19: .* must be 60 min later"),
         (epw_text(rows=lambda r: r[::-1]), "line 10: .* must be 60 min later"),
-        (epw_text(rows=replaced(12, 15, "x")), "line 20: dni = 'x': no number"),
-        (epw_text(rows=replaced(12, 15, 5000)), "line 20: dni = 5000: must lie between 0 and 1500"),
-        (epw_text(rows=replaced(12, 16, -50)), "line 20: dhi = -50: must lie between 0 and 1500"),
-        (epw_text(rows=replaced(12, 33, 7)), "line 20: albedo = 7: must lie between 0 and 1"),
+        (epw_text(rows=replaced(12, 15, "x")), "line 20: dni = x: must be a number from 0"),
+        (
+            epw_text(rows=replaced(12, 15, 5000)),
+            "line 20: dni = 5000.0: must be a number",
+        ),
+        (
+            epw_text(rows=replaced(12, 16, -50)),
+            "line 20: dhi = -50.0: must be a number",
+        ),
         (
             epw_text(rows=replaced(12, 2, 13)),
             "line 20: month = '13': must be a whole number from 1",

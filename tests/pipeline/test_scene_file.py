@@ -282,6 +282,10 @@ def test_an_all_weather_sky_tells_its_sun(folder):
     )
     assert scene.sun is not None
     assert scene.sun.normal_illuminance_lx == pytest.approx(69_762, rel=5e-3)
+    left_out = "its beam is left out"
+    assert not any(left_out in note for note in scene.freeze().notes)
+    scene.sun = None
+    assert any(left_out in note for note in scene.freeze().notes)
 
 
 @pytest.mark.parametrize(

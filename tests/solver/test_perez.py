@@ -17,7 +17,7 @@ from patchlight.solver.perez import (
     sun_of,
 )
 from patchlight.solver.simulation import solve
-from patchlight.solver.skies import horizontal_illuminance, luminance
+from patchlight.solver.skies import horizontal_illuminance, luminance, sky_tone
 
 from .fixtures_light import UP, ceiling, grid, scene, setup
 
@@ -69,6 +69,10 @@ def test_air_mass():
     np.testing.assert_allclose(found, [0.9995, 1.9928, 10.323, 36.51], rtol=2e-4)
 
 
+WAYS = np.random.default_rng(5).normal(size=(300, 3)) * (1.0, 1.0, 0.7)
+WAYS[:, 2] = np.abs(WAYS[:, 2])
+WAYS[0] = 0.0, 0.0, 1.0
+
 SKIES = [
     PerezSky(direct_normal_w_m2=a, diffuse_horizontal_w_m2=b, sun_altitude_deg=h, sun_azimuth_deg=z)
     for h, a, b, z in [(40, 700, 120, 200), (40, 0, 200, 90), (10, 400, 40, 270), (90, 900, 80, 0)]
@@ -109,7 +113,7 @@ def test_no_sky_is_darker_than_black():
     rng = np.random.default_rng(3)
     n = 20_000
     zenith, direct = rng.uniform(0.0, 0.5 * np.pi, n), rng.uniform(0.0, 1100.0, n)
-    diffuse = rng.uniform(0.1, 700.0, n)
+    diffuse = rng.uniform(0.1, 1500.0, n)
     epsilon = clearness(direct, diffuse, zenith)
     a, b, c, d, e = in_form_of_cie(
         shapes(epsilon, brightness(diffuse, zenith, np.ones(n)), zenith)
@@ -121,7 +125,24 @@ def test_no_sky_is_darker_than_black():
     for share in np.linspace(0.0, 1.0, 21):
         chi = share * reach
         glow = np.exp(d * chi) - np.exp(0.5 * np.pi * d)
-        assert (1.0 + c * glow + e * np.cos(chi) ** 2 > 0.0).all()
+        assert (1.0 + c * glow + e * np.cos(chi) ** 2 > -1e-9).all()
+
+
+def test_every_sky_has_luminances():
+    """The zenith of some is black: the level must not be told by it."""
+    for altitude in (5, 20, 40, 50, 70, 85, 90):
+        for direct in (5, 50, 150, 235, 270, 600, 900):
+            for diffuse in (5, 20, 50, 75, 115, 400, 1200):
+                sky = PerezSky(
+                    direct_normal_w_m2=direct,
+                    diffuse_horizontal_w_m2=diffuse,
+                    sun_altitude_deg=altitude,
+                    sun_azimuth_deg=30.0,
+                )
+                assert np.isfinite(sky_tone(sky)).all(), sky
+                light = luminance(sky, WAYS)
+                assert np.isfinite(light).all() and (light >= -1e-9 * light.max()).all(), sky
+                assert light.max() > 0.0
 
 
 def test_a_dark_sky_is_dark():

@@ -63,6 +63,7 @@ def test_the_second_of_two_hours():
     [
         ("2026-03-29T02:30", BERLIN, "clocks in Europe/Berlin skip it"),
         ("noon", BERLIN, "time = 'noon': must be like"),
+        ("2026-06-21", BERLIN, "time = '2026-06-21': must be like"),
         (12, BERLIN, "time = 12: must be a datetime"),
         ("2026-06-21T12:00", Site(52.5, 13.4), "of which time zone"),
         ("2026-06-21T12:00", Site(52.5, 13.4, timezone="Berlin"), "'Berlin': no such time zone"),
