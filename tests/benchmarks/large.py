@@ -120,7 +120,7 @@ def plot(records: list[dict[str, Any]], path: Path) -> None:
         axes.set_xticks(TICKS, [f"{e:,}".replace(",", " ") for e in TICKS], fontsize=8)
         axes.minorticks_off()
         axes.grid(True, which="major", color="0.9")
-        axes.legend(fontsize=8, loc="lower right")  # lines rise, bounds are on top
+        axes.legend(fontsize=8, loc="lower right" if axes is left else "center left")
     figure.suptitle(f"Open-plan hall, accuracy {records[-1]['accuracy']:g}, two cores")
     figure.savefig(path, dpi=130)
     plt.close(figure)
