@@ -470,9 +470,7 @@ class FieldSolver:
         """Elements that no light reaches; None where it reaches all."""
         if not self.trace or self.panes.any:
             return None
-        scene = self.scene
-        outside = any(part is not None for part in (scene.sky, scene.sun, scene.ground))
-        hidden = shut_in(rows, unknowns, lamps, outside=outside)
+        hidden = shut_in(rows, unknowns, lamps)
         self.stages.counters["elements_shut_in"] = int(hidden.sum())
         return hidden if hidden.any() else None
 

@@ -3,8 +3,8 @@
 What is seen from somewhere sees that place too. Shares of small distant elements are told by lines
 that may pass between both walls of something slender, so that its inside seems to be seen as well
 as its outside, and light to end in there. The rows of the inside itself know better: they see
-nothing but one another. What sees less than a hundredth of surfaces that light can come from is
-therefore taken to be hidden from them. By reciprocity, Σ A_i F_ij over all these i and hidden j is
+nothing but one another. What sees less than a hundredth of anything else is therefore taken to be
+hidden from it. By reciprocity, Σ A_i F_ij over all these i and hidden j is
 less than a hundredth of the hidden area: that much, at most, is left out.
 """
 
@@ -15,17 +15,15 @@ from numpy.typing import NDArray
 
 from .exchange import Rows, products
 from .kernels.closure import sum_rows
-from .model.arrays import FloatArray
 from .unknowns import Unknowns
 
-#: Form factor of all that light can come from, below which it is taken to come from nowhere.
+#: Form factor of all that is not shut in, below which an element is; and light of lamps on what
+#: they reach, against the mean of all.
 LEAST = 0.01
 
 
-def shut_in(
-    rows: Rows, unknowns: Unknowns, shining: NDArray[np.bool_], *, outside: bool
-) -> NDArray[np.bool_]:
-    """Which elements (n,) no light reaches.
+def shut_in(rows: Rows, unknowns: Unknowns, shining: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which elements (n,) no light reaches: they see one another, and nothing else or outside.
 
     Parameters
     ----------
@@ -35,16 +33,14 @@ def shut_in(
         Of the elements.
     shining : (n,) bool array
         Elements of lamps.
-    outside : bool
-        Whether light comes from sky, sun or ground.
     """
-    lit = np.asarray(shining, dtype=bool).copy()
-    sky: FloatArray | float = rows.outside[:, 1:3].sum(axis=1) if outside else 0.0
+    direct = unknowns.mean(products(rows.factors, shining.astype(np.float64)))
+    lit = shining | (direct > LEAST * max(float(direct.mean()), 1e-300))
     while True:
-        seen = products(rows.factors, lit.astype(np.float64)) + sky
-        more = (unknowns.mean(seen) >= LEAST) & ~lit
+        others = 1.0 - unknowns.mean(products(rows.factors, (~lit).astype(np.float64)))
+        more = (others >= LEAST) & ~lit
         if not more.any():
-            return ~lit
+            return ~lit if lit.any() else lit
         lit |= more
 
 

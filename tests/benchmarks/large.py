@@ -96,7 +96,7 @@ def plot(records: list[dict[str, Any]], path: Path) -> None:
 
     records = sorted(records, key=lambda r: r["elements"])
     n = np.array([r["elements"] for r in records], dtype=float)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 5.6), layout="constrained")
     for name, values, style in (
         ("all, wall", [r["seconds"] for r in records], "o-"),
         ("all, CPU", [r["cpu_seconds"] for r in records], "s--"),
@@ -120,7 +120,7 @@ def plot(records: list[dict[str, Any]], path: Path) -> None:
         axes.set_xticks(TICKS, [f"{e:,}".replace(",", " ") for e in TICKS], fontsize=8)
         axes.minorticks_off()
         axes.grid(True, which="major", color="0.9")
-        axes.legend(fontsize=8, loc="lower right")  # lines rise, bounds are on top
+        axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
     figure.suptitle(f"Open-plan hall, accuracy {records[-1]['accuracy']:g}, two cores")
     figure.savefig(path, dpi=130)
     plt.close(figure)

@@ -75,3 +75,20 @@ def test_rows_that_see_little_else_stay():
     np.testing.assert_array_equal(rows.factors[0], np.float32([0.5, 0.3, 0.0]))
     np.testing.assert_array_equal(rows.factors[1], factors[1])
     assert rows.sums[0] == pytest.approx([0.8, 2e-4]) and rows.variances[0, 2] == 0.0
+
+
+def test_what_a_small_lamp_lights_in_the_open_is_seen():
+    """A floor that sees a thousandth of lamps, and else nothing at all."""
+    from .fixtures_light import rectangle
+
+    floor = rectangle((-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0))
+    lamp = rectangle((-0.1, -0.1, 3), (-0.1, 0.1, 3), (0.1, 0.1, 3), (0.1, -0.1, 3))
+    data = scene(
+        setup(floor, lamp),
+        lamps=[(1, "lamp", 1000.0)],
+        materials=[0.5, 0.0],
+        sensors=[grid("down", np.array([(0.5, 0.2, 1.0)]), (0.0, 0.0, -1.0))],
+    )
+    found = solve(data, accuracy=0.1)
+    assert found.counters["elements_shut_in"] == 0
+    assert found.sensors["down"].components["lamp.indirect"][0] > 0.0
