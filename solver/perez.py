@@ -33,6 +33,8 @@ SOLAR_CONSTANT_W_M2 = 1367.0
 _BINS = (1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)
 #: Limits of ε and Δ, and the least Δ of skies between overcast and clear. [4]
 CLEARNESS, BRIGHTNESS, BRIGHTNESS_BETWEEN = (1.0, 12.01), (0.01, 0.6), 0.2
+#: Largest b: of 0 a black zenith would leave all of the sky black.
+STEEPEST = -0.01
 #: x₁ … x₄ of a, b, c, d, e for each bin: x = x₁ + x₂ Z + Δ (x₃ + x₄ Z). [1, table 1]
 _SHAPE = np.array([
     [[1.3525, -0.2576, -0.2690, -1.4366], [-0.7670, 0.0007, 1.2734, -0.1233],
@@ -128,11 +130,11 @@ def in_form_of_cie(shape: FloatArray) -> FloatArray:
     """The same shapes (n, 5) as CIE S 011 has them, up to a factor.
 
     Rare combinations of ε and Δ make the horizon infinitely bright (b > 0), or the zenith or the
-    surroundings of the sun darker than black (1 + a exp b < 0, 1 + c + e < 0): there b is 0, and
-    these are black.
+    surroundings of the sun darker than black (1 + a exp b < 0, 1 + c + e < 0): there b is
+    `STEEPEST`, and these are black.
     """
     out = np.array(shape, dtype=np.float64)
-    out[:, 1] = np.minimum(out[:, 1], 0.0)
+    out[:, 1] = np.minimum(out[:, 1], STEEPEST)
     out[:, 0] = np.maximum(out[:, 0], -np.exp(-out[:, 1]))
     out[:, 2] = np.maximum(out[:, 2], -1.0 - out[:, 4])
     whole = 1.0 + out[:, 2] * np.exp(0.5 * math.pi * out[:, 3])

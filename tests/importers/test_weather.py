@@ -130,10 +130,8 @@ def test_stated_illuminances(tmp_path):
 
 def test_what_is_not_essential_is_taken_for_missing(tmp_path):
     weather = read(tmp_path, epw_text(rows=replaced(12, 33, 7)))
-    assert (
-        "line 20: albedo = 7.0: must be a number from 0 to 1; taken for missing"
-        in weather.remarks[0]
-    )
+    said = "line 20: albedo = 7.0: must be a number from 0 to 1; taken for missing in 1 steps"
+    assert weather.remarks[0] == said
     assert np.isnan(weather.albedo[11]) and weather.albedo[10] == 0.2
 
 

