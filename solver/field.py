@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .budget import EXACT_AT_SENSORS, Budget
 from .containment import Containment
-from .exchange import ROUNDING, Rows, Scan, make_sources
+from .exchange import OUTSIDE, ROUNDING, Rows, Scan, make_sources
 from .exchange import products as multiplied
 from .fineness import Fineness
 from .highlights import Highlights
@@ -463,7 +463,7 @@ class FieldSolver:
         if self.trace:
             # What the meridians met is known besides: a row that meets something on all of them
             # is closed, however its factors add up.
-            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
+            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > OUTSIDE
         return bool(leaves.any())
 
     def _shut_in(self, rows: Rows, unknowns: Unknowns, lamps: NDArray[np.bool_]) -> Hidden:

@@ -24,13 +24,13 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .budget import Budget
-from .exchange import Rows
+from .exchange import OUTSIDE, Rows
 from .fineness import Fineness
 from .memory import available_bytes
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.scene import SceneData
-from .moved import OUTSIDE, Arrangement, Changed
+from .moved import Arrangement, Changed
 from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
