@@ -256,6 +256,9 @@ class FieldSolver:
                 rows, sees_out, raw, hidden = self.kept.rows(
                     "form factors", asked, (lamps,), find, self._under_sky, renew
                 )
+                if self.trace and not self.panes.any:
+                    shut = 0 if hidden is None else int(hidden.sum())
+                    self.stages.counters["elements_shut_in"] = shut
                 rows = self._through_panes(rows, asked, surfaces, mesh=unknowns.basis is None)
                 factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         lamps_see_out = sees_out and self._sees_out(rows, lamps[of] & (unknowns.areas > 0.0))
@@ -471,7 +474,6 @@ class FieldSolver:
         if not self.trace or self.panes.any:
             return None
         hidden = shut_in(rows, unknowns, lamps)
-        self.stages.counters["elements_shut_in"] = int(hidden.sum())
         return hidden if hidden.any() else None
 
     def _renewed(
