@@ -443,7 +443,7 @@ class FieldSolver:
         """Error (m,) that the rules for unoccluded factors leave in the light of sensors. [lx]"""
         asked, sent = seen.asked, luminous(field.exitance_told)
         eps = self._factors.eps(asked)
-        error, told = rule_error(seen.rows, asked, self.blockers, eps, sent)
+        error, told = rule_error(seen.rows, asked, self.blockers, eps, sent, self.kept)
         rest = light.luminous() - told
         if self._all_flat and not self.panes.any:
             # Past flat surfaces sky and ground are integrated to the error counted as sampled.

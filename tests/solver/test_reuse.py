@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.solver import reuse
+from patchlight.solver import reuse, rule_error
 from patchlight.solver.budget import Budget
 from patchlight.solver.field import FieldSolver
 from patchlight.solver.mesh import Boxes
@@ -416,3 +416,20 @@ def test_a_sky_that_was_dark_tells_nothing_of_a_brighter_one():
     within_error(again, own)
     plane = again.sensors["plane"].illuminance_lx
     assert np.isfinite(plane).all() and (plane > 0.0).any()
+
+
+def test_rows_that_errors_are_measured_by_are_found_once(monkeypatch):
+    found = []
+    real = rule_error.form_factor_matrix
+
+    def counted(*args, **options):
+        found.append(len(args[0]))
+        return real(*args, **options)
+
+    monkeypatch.setattr(rule_error, "form_factor_matrix", counted)
+    first = run(room())
+    count = len(found)
+    again = run(room())
+    assert count > 0 and len(found) == count
+    for name, sensors in first.sensors.items():
+        assert np.array_equal(sensors.error_lx, again.sensors[name].error_lx)
