@@ -39,6 +39,8 @@ LEVELS = 8
 SMALL = 1 << 18
 #: Relative rounding of factors of single precision.
 ROUNDING = 2.0**-24
+#: Form factor of sky and ground above which a receiver sees out.
+OUTSIDE = 1e-6
 
 COUNTERS = {
     "pairs_dark": DARK_PAIRS,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .budget import EXACT_AT_SENSORS, Budget
 from .containment import Containment
-from .exchange import ROUNDING, Rows, Scan, make_sources
+from .exchange import OUTSIDE, ROUNDING, Rows, Scan, make_sources
 from .exchange import products as multiplied
 from .fineness import Fineness
 from .highlights import Highlights
@@ -256,6 +256,9 @@ class FieldSolver:
                 rows, sees_out, raw, hidden = self.kept.rows(
                     "form factors", asked, (lamps,), find, self._under_sky, renew
                 )
+                if self.trace and not self.panes.any:
+                    shut = 0 if hidden is None else int(hidden.sum())
+                    self.stages.counters["elements_shut_in"] = shut
                 rows = self._through_panes(rows, asked, surfaces, mesh=unknowns.basis is None)
                 factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         lamps_see_out = sees_out and self._sees_out(rows, lamps[of] & (unknowns.areas > 0.0))
@@ -440,7 +443,7 @@ class FieldSolver:
         """Error (m,) that the rules for unoccluded factors leave in the light of sensors. [lx]"""
         asked, sent = seen.asked, luminous(field.exitance_told)
         eps = self._factors.eps(asked)
-        error, told = rule_error(seen.rows, asked, self.blockers, eps, sent)
+        error, told = rule_error(seen.rows, asked, self.blockers, eps, sent, self.kept)
         rest = light.luminous() - told
         if self._all_flat and not self.panes.any:
             # Past flat surfaces sky and ground are integrated to the error counted as sampled.
@@ -463,7 +466,7 @@ class FieldSolver:
         if self.trace:
             # What the meridians met is known besides: a row that meets something on all of them
             # is closed, however its factors add up.
-            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > 1e-6
+            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > OUTSIDE
         return bool(leaves.any())
 
     def _shut_in(self, rows: Rows, unknowns: Unknowns, lamps: NDArray[np.bool_]) -> Hidden:
@@ -471,7 +474,6 @@ class FieldSolver:
         if not self.trace or self.panes.any:
             return None
         hidden = shut_in(rows, unknowns, lamps)
-        self.stages.counters["elements_shut_in"] = int(hidden.sum())
         return hidden if hidden.any() else None
 
     def _renewed(

@@ -34,6 +34,8 @@ ROUNDS = 12
 LIFT = 1e-4
 #: Difference that is rounding, of shares of an area.
 _EVEN = 1e-9
+#: Smallest number divided by: patches may have no area.
+_TINY = 1e-300
 
 
 def with_gaps(boxes: Boxes, scene: SceneData, budget: Budget) -> tuple[Boxes, int]:
@@ -45,7 +47,7 @@ def with_gaps(boxes: Boxes, scene: SceneData, budget: Budget) -> tuple[Boxes, in
         return boxes, 0
     others, own = boxes.take(np.setdiff1d(np.arange(len(boxes)), rows)), boxes.take(rows)
     wrong, total = gaps.judge(own)
-    allowed = SHARE * budget.accuracy * float(total.sum())
+    allowed = max(SHARE * budget.accuracy * float(total.sum()), _TINY)
     for _ in range(ROUNDS):
         order = np.argsort(-np.round(wrong / allowed, 9), kind="stable")
         # The fewest boxes without which the rest is good enough.
@@ -60,6 +62,19 @@ def with_gaps(boxes: Boxes, scene: SceneData, budget: Budget) -> tuple[Boxes, in
         own, order = own.take(kept).joined(parts)
         wrong = wrong[order]
     return others.joined(own)[0], len(own) - len(rows)
+
+
+def left_in_gaps(boxes: Boxes, scene: SceneData, budget: Budget) -> float:
+    """What ``boxes`` leave of the light in gaps, against what `with_gaps` would."""
+    gaps = _Gaps(scene, WIDTH * budget.size)
+    own = boxes.take(gaps.large(boxes))
+    if not len(own):
+        return 0.0
+    # Of the boxes that it would begin with: fewer are large once they are cut.
+    regular = Boxes.regular(budget.divisions, scene.two_sided)
+    total = gaps.reflecting(regular.take(gaps.large(regular)))
+    allowed = max(SHARE * budget.accuracy * float(total.sum()), _TINY)
+    return float(gaps.judge(own)[0].sum()) / allowed
 
 
 class _Gaps:
@@ -77,11 +92,16 @@ class _Gaps:
         lengths = points_in(self.patches, boxes.take(rows), *equal_parts(2))[3]
         return rows[lengths.max(axis=1) > LONGER * self.width]
 
+    def reflecting(self, boxes: Boxes) -> FloatArray:
+        """Reflecting area (n,) of boxes. [m²]"""
+        areas = points_in(self.patches, boxes, *equal_parts(CUT))[2]
+        return np.asarray(self.reflectance[boxes.patch, boxes.side] * areas.sum(axis=1))
+
     def judge(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
         """Reflecting area (n,) of boxes that is not as the mean of them, and all of it. [m²]"""
         hidden, areas = self._hidden(boxes, *equal_parts(CUT))
         total = areas.sum(axis=1)
-        mean = (hidden * areas).sum(axis=1) / total
+        mean = (hidden * areas).sum(axis=1) / np.maximum(total, _TINY)
         rho = self.reflectance[boxes.patch, boxes.side]
         return rho * (np.abs(hidden - mean[:, None]) * areas).sum(axis=1), rho * total
 

@@ -9,7 +9,7 @@ import numpy as np
 from .balance import Seam, balanced, is_balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
-from .gap_cuts import with_gaps
+from .gap_cuts import left_in_gaps, with_gaps
 from .horizon_lines import with_lines
 from .kept_light import KeptLight
 from .kernels.pyramid import Blockers
@@ -21,7 +21,7 @@ from .model.scene import SceneData
 from .moved import rows_in_new_light
 from .profile_mesh import with_profiles
 from .refinement import Looked, Refiner
-from .reuse import Kept, Mesh
+from .reuse import LOOSER, Kept, Mesh
 from .stages import Stages
 from .surfaces import reflectances
 from .topology import is_single
@@ -153,6 +153,8 @@ class Mesher:
         """Share of the reflected light in the wrong place on the mesh of a run before this one."""
         if with_profiles(mesh.boxes, self.scene, budget, trace=self.trace)[1]:
             return np.inf  # it was made for lamps that are more even
+        if self._has_new_gaps(mesh, budget):
+            return np.inf
         if mesh.looked is None:
             return 0.0
         refiner, (index, levels) = self._refine_by(budget), self.lamps(budget)
@@ -165,6 +167,19 @@ class Mesher:
             rows = rows_in_new_light(self.scene, mesh.nets, mesh.boxes.patch, *places)
             looked = refiner.renewed(mesh.boxes, looked, rows)
         return refiner.again(mesh.boxes, looked)
+
+    def _has_new_gaps(self, mesh: Mesh, budget: Budget) -> bool:
+        """Whether ``mesh`` leaves uncut what it was not made for: gaps, or light in them."""
+        if not self.trace or budget.most_elements <= len(mesh.boxes):
+            return False
+        if np.array_equal(mesh.nets, self.scene.patches.control_points):
+            rho = reflectances(self.scene)
+            some = (rho > 0.0) | (mesh.reflectances > 0.0)
+            change = rho[some] / np.maximum(mesh.reflectances[some], 1e-300)
+            # Shares of what is reflected change by no more than this.
+            if not some.any() or change.max() <= LOOSER * change.min():
+                return False
+        return left_in_gaps(mesh.boxes, self.scene, budget) > LOOSER
 
     def balanced(self, boxes: Boxes, budget: Budget) -> Boxes:
         """Boxes of which no edge has more than two neighbours, where that is asked for."""

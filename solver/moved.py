@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .exchange import Rows
+from .exchange import OUTSIDE, Rows
 from .kernels.nets import PLANAR
 from .kernels.rows import Sources
 from .model.arrays import FloatArray, IntArray
@@ -22,9 +22,6 @@ from .model.scene import SceneData
 from .row_finder import Ask
 from .surfaces import Receivers
 from .topology import bounding_spheres, writable
-
-#: Form factor of sky and ground above which a receiver sees out.
-OUTSIDE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

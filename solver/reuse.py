@@ -24,13 +24,13 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .budget import Budget
-from .exchange import Rows
+from .exchange import OUTSIDE, Rows
 from .fineness import Fineness
 from .memory import available_bytes
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.scene import SceneData
-from .moved import OUTSIDE, Arrangement, Changed
+from .moved import Arrangement, Changed
 from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
@@ -117,6 +117,8 @@ class Mesh:
         Light of the lamps on it, where that decided on it.
     nets : (p, 4, 4, 4) array
         Control nets of the patches.
+    reflectances : (p, 2) array
+        Luminous reflectances of their sides.
     lamps : tuple of (p, 2) int array and array
         Lamp of each side of the patches, and their exitances. [lm/m²]
     fineness : Fineness
@@ -131,6 +133,7 @@ class Mesh:
     misplaced: float
     looked: Looked | None
     nets: FloatArray
+    reflectances: FloatArray
     lamps: tuple[IntArray, FloatArray]
     fineness: Fineness
     halved: IntArray
@@ -388,7 +391,8 @@ def under_sky(
     seen = np.flatnonzero(outside[:, 1] > OUTSIDE)
     if not len(tone) or not len(seen):
         return dataclasses.replace(rows, outside=outside)
-    if len(known) and np.array_equal(np.delete(known, LEVEL), np.delete(tone, LEVEL)):
+    same = len(known) and np.array_equal(np.delete(known, LEVEL), np.delete(tone, LEVEL))
+    if same and known[LEVEL] > 0.0:
         outside[:, [0, 3]] *= (tone[LEVEL] / known[LEVEL]) ** np.array([1, 2])
     else:
         new = find(asked.taken(seen)).outside

@@ -11,7 +11,8 @@ import numpy as np
 
 from .exchange import ROUNDING, Rows, form_factor_matrix, products
 from .kernels.pyramid import Blockers
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, MatrixArray
+from .reuse import Kept
 from .row_finder import Ask
 
 #: Pairs that are looked at, and sensors at least.
@@ -28,7 +29,7 @@ COVERED = 0.95
 
 
 def rule_error(
-    rows: Rows, asked: Ask, blockers: Blockers, eps: float, sent: FloatArray
+    rows: Rows, asked: Ask, blockers: Blockers, eps: float, sent: FloatArray, kept: Kept
 ) -> tuple[FloatArray, FloatArray]:
     """Error (m,) of light by straight form factors, and that light (m,). [lx]
 
@@ -44,6 +45,8 @@ def rule_error(
         Accuracy of unoccluded factors in them.
     sent : (n,) array
         Exitance of the elements, without what rows do not tell; panes may follow. [lm/m²]
+    kept : Kept
+        Has what was found for the same rows before.
     """
     m, n = len(rows.factors), len(asked.sources.nets)
     factors, sent = rows.factors[:, :n], sent[:n]  # of panes nothing is known here
@@ -52,7 +55,21 @@ def rule_error(
         return light, light
     count = min(m, max(SENSORS, PAIRS // n))
     some = np.unique(np.linspace(0, m - 1, count).round().astype(np.int64))
-    ask = asked.taken(some)
+    found, finer = kept.of_rows(
+        "rules", rows, (eps,), lambda: _unoccluded(asked.taken(some), blockers, eps)
+    )
+    in_sight = np.minimum(factors[some], found) / np.where(found > 0.0, found, 1.0)
+    off = np.abs(((found - finer) * in_sight) @ sent)
+    lit = light[some] > 0.0
+    relative = off[lit] / light[some][lit]
+    usual = np.quantile(relative, COVERED, method="higher") if lit.any() else 0.0
+    out = usual * light
+    out[some] = off
+    return OF_MEASURED * out + ROUNDING * light, light
+
+
+def _unoccluded(ask: Ask, blockers: Blockers, eps: float) -> tuple[MatrixArray, MatrixArray]:
+    """Form factors (k, n) as if nothing hid anything: as accurate as ``eps``, and finer."""
     found, finer = (
         form_factor_matrix(
             ask.receivers.nodes,
@@ -66,11 +83,4 @@ def rule_error(
         ).factors
         for accuracy in (eps, FINER * eps)
     )
-    in_sight = np.minimum(factors[some], found) / np.where(found > 0.0, found, 1.0)
-    off = np.abs(((found - finer) * in_sight) @ sent)
-    lit = light[some] > 0.0
-    relative = off[lit] / light[some][lit]
-    usual = np.quantile(relative, COVERED, method="higher") if lit.any() else 0.0
-    out = usual * light
-    out[some] = off
-    return OF_MEASURED * out + ROUNDING * light, light
+    return found, finer

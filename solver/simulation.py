@@ -28,6 +28,7 @@ from .reuse import STORE, Kept, Mesh, forget
 from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
+from .surfaces import reflectances
 from .topology import is_single, make_blockers
 
 #: How often the mesh is cut further where the accuracy asked for is not reached.
@@ -340,6 +341,7 @@ class Simulation:
             misplaced=misplaced,
             looked=solver.mesher.looked,
             nets=self.scene.patches.control_points,
+            reflectances=reflectances(self.scene),
             lamps=solver.mesher.lamps(self.budget),
             fineness=field.fineness,
             halved=solved.finer.halved,
@@ -439,16 +441,22 @@ class Simulation:
             skipped["sensors"] = "no sensor grids"
 
     def _daylight_factor(self, components: dict[str, FloatArray]) -> FloatArray | None:
-        """Share (m,) of the unobstructed sky's horizontal illuminance, under type 1 or 16 only."""
+        """Share (m,) of the unobstructed sky's horizontal illuminance, under type 1 or 16 only.
+
+        None under a sky without light.
+        """
         sky = self.scene.sky
         if sky is None or not sky.of_daylight_factors or self.scene.sun is not None:
+            return None
+        unobstructed = horizontal_illuminance(sky)
+        if unobstructed <= 0.0:
             return None
         daylight = [
             values
             for name, values in components.items()
             if name.rsplit(".", 1)[0] in ("sky", "ground")
         ]
-        return np.asarray(sum(daylight) / horizontal_illuminance(sky))
+        return np.asarray(sum(daylight) / unobstructed)
 
     def _images(self, field: Field, finer: Finer, solver: FieldSolver) -> dict[str, CameraImage]:
         if not self.scene.cameras:

@@ -189,7 +189,7 @@ class Unknowns:
     def mean(self, values: FloatArray) -> FloatArray:
         """Means (n, ...) of ``values`` (N, ...) over the elements; 0 where all is buried."""
         flat = values.reshape(len(self), math.prod(values.shape[1:]))
-        sums = [self._sum(self._shares() * column) for column in flat.T]
+        sums = [self.sums(self._shares() * column) for column in flat.T]
         return np.stack(sums, axis=1).reshape(self.elements, *values.shape[1:])
 
     def of_whole(self, factors: MatrixArray, rows: IntArray) -> FloatArray:
@@ -213,14 +213,15 @@ class Unknowns:
 
     def mean_variance(self, values: FloatArray) -> FloatArray:
         """Variances (n,) of the means, for independent variances ``values`` (N,)."""
-        return self._sum(self._shares() ** 2 * values)
+        return self.sums(self._shares() ** 2 * values)
 
     def _shares(self) -> FloatArray:
         """Share (N,) of each in the area of its element."""
-        total = self._sum(self.areas)[self.element]
+        total = self.sums(self.areas)[self.element]
         return np.asarray(self.areas / np.where(total > 0.0, total, 1.0))
 
-    def _sum(self, values: FloatArray) -> FloatArray:
+    def sums(self, values: FloatArray) -> FloatArray:
+        """Sums (n,) of ``values`` (N,) over the elements."""
         sums = np.bincount(self.element, weights=values, minlength=self.elements)
         return np.asarray(sums, dtype=np.float64)
 

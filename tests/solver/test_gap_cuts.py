@@ -95,6 +95,19 @@ def test_no_more_boxes_than_the_budget_allows():
         assert with_gaps(boxes, data, few)[1] == room_left
 
 
+def test_a_patch_without_area_is_left_alone():
+    """A sliver whose long edges are one: it neither reflects nor spoils the rest."""
+    data = room(0.03)
+    nets = data.patches.control_points.copy()
+    side = int(np.argmin(data.patches.evaluate(0.5, 0.5)[:, 2]))  # the floor
+    nets[side] = nets[side][:, :1]
+    patches = PatchSet(nets, data.patches.face_index, data.patches.part_index)
+    with np.errstate(all="raise"):
+        boxes, found, added, _ = cut(dataclasses.replace(data, patches=patches))
+    assert added > 0 and np.isfinite(found.ends).all()
+    assert (found.patch == side).sum() == (boxes.patch == side).sum()
+
+
 @pytest.mark.slow
 def test_light_is_found_with_few_elements(monkeypatch):
     """Six lamps hide a fifth of the ceiling."""

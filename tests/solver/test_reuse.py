@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.solver import reuse
+from patchlight.solver import reuse, rule_error
 from patchlight.solver.budget import Budget
 from patchlight.solver.field import FieldSolver
 from patchlight.solver.mesh import Boxes
@@ -341,3 +341,95 @@ def test_as_many_elements_of_another_mesh_are_others():
 
     factors(0.3, reuse.STORE)
     assert np.array_equal(factors(0.7, reuse.STORE), factors(0.7, None))
+
+
+def under_a_panel(gap, ceiling=0.8):
+    """A lamp in a room, and a black panel ``gap`` [m] below its ceiling. [m]"""
+    panel = Body(PatchSet.box((1.4, 1.4, 0.02), center=(0.3, 0.2, 2.69 - gap)))
+    parts = setup(ROOM, ceiling_lamp(), panel)
+    made = scene(parts, lamps=[(1, "lamp", 3000.0)], materials=[0.5, 0.3, 0.0], sensors=[PLANE])
+    z = made.patches.evaluate(0.5, 0.5)[:, 2]
+    index = np.where((made.patches.part_index == 0) & (z > 2.6), 3, made.material_index[:, 0])
+    return dataclasses.replace(
+        made,
+        materials=(*made.materials, Material(ceiling)),
+        material_index=np.stack([index, index], axis=1),
+    )
+
+
+def ceiling_lamp():
+    return ceiling(-1.6, -1.0, -1.8, -1.2, 2.2)
+
+
+@pytest.mark.parametrize(
+    "before",
+    [{"gap": 0.5}, {"gap": 0.03, "ceiling": 0.0}],
+    ids=["hung lower", "black above"],
+)
+def test_a_mesh_made_without_gaps_is_not_taken_where_there_are_some(before):
+    first, again = run(under_a_panel(**before)), run(under_a_panel(0.03))
+    assert "elements_added_for_gaps" not in first.counters
+    assert again.counters["elements_added_for_gaps"] > 0
+    assert not again.settings["mesh_of_earlier_run"]
+
+
+def test_a_mesh_with_gaps_is_taken_again():
+    """Though paint and lamps change: it is cut as far as either needs."""
+    first = run(under_a_panel(0.03))
+    again = run(under_a_panel(0.03, ceiling=0.4))
+    assert first.counters["elements_added_for_gaps"] > 0
+    assert again.settings["mesh_of_earlier_run"]
+
+
+def test_what_is_shut_in_is_counted_once_more():
+    made = room()
+    first, again = run(made), run(made)
+    assert pairs_found(again) == 0
+    assert again.counters["elements_shut_in"] == first.counters["elements_shut_in"]
+
+
+def test_a_lamp_by_night_tells_nothing_of_what_the_sky_lights():
+    """A box with a slit of light from outside, beside the room that the lamp stands in."""
+    night = day_and_night()
+    day = dataclasses.replace(night, sky=CIESky(1), ground=Ground(0.2))
+    run(night)
+    same_bits(run(day), fresh(day))
+
+
+def day_and_night():
+    """A room with a lamp, closed, and one beside it without one of its walls."""
+    lit = PatchSet.box((3.0, 3.0, 2.5), center=(-1.6, 0.0, 1.25), inward=True)
+    other = PatchSet.box((3.0, 3.0, 2.5), center=(1.6, 0.0, 1.25), inward=True)
+    open_ = other.take(np.flatnonzero(other.evaluate(0.5, 0.5)[:, 0] < 3.0))
+    parts = setup(Body(lit), ceiling(-1.9, -1.3, -0.3, 0.3, 2.4), Body(open_))
+    points = [(x, y, 0.8) for x in (-2.3, -0.9, 0.9, 2.3) for y in (-0.8, 0.9)]
+    return scene(parts, lamps=[(1, "lamp", 3000.0)], sensors=[grid("plane", points)])
+
+
+def test_a_sky_that_was_dark_tells_nothing_of_a_brighter_one():
+    """There is nothing to scale by: what sees the sky is found anew."""
+    dark, bright = (CIESky(1, diffuse_illuminance_lx=level) for level in (0.0, 10_000.0))
+    run(under(dark, curved=True))
+    made = under(bright, curved=True)
+    again, own = run(made), fresh(made)
+    assert same_mesh(again, own)
+    within_error(again, own)
+    plane = again.sensors["plane"].illuminance_lx
+    assert np.isfinite(plane).all() and (plane > 0.0).any()
+
+
+def test_rows_that_errors_are_measured_by_are_found_once(monkeypatch):
+    found = []
+    real = rule_error.form_factor_matrix
+
+    def counted(*args, **options):
+        found.append(len(args[0]))
+        return real(*args, **options)
+
+    monkeypatch.setattr(rule_error, "form_factor_matrix", counted)
+    first = run(room())
+    count = len(found)
+    again = run(room())
+    assert count > 0 and len(found) == count
+    for name, sensors in first.sensors.items():
+        assert np.array_equal(sensors.error_lx, again.sensors[name].error_lx)

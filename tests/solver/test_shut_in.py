@@ -4,10 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from patchlight.solver import field
 from patchlight.solver.exchange import Rows
 from patchlight.solver.model import PatchSet
-from patchlight.solver.shut_in import hide
+from patchlight.solver.shut_in import hide, shut_in
 from patchlight.solver.simulation import solve
+from patchlight.solver.unknowns import Unknowns
 
 from .fixtures_light import Body, grid, scene, setup
 
@@ -67,14 +69,14 @@ def test_insides_of_posts_are_shut_in_and_change_nothing():
         assert abs(off.mean()) < 1e-4 and np.abs(off).max() < 2e-3
 
 
-def test_rows_that_see_little_else_stay():
-    """The first receiver stands in the open, the second in what is shut in."""
-    factors = np.array([[0.5, 0.3, 0.2], [0.01, 0.0, 0.99]], np.float32)
-    rows = Rows(factors.copy(), np.full((2, 3), 1e-4, np.float32), {}, np.zeros((2, 5)))
+def test_rows_that_see_much_of_it_stay():
+    """The first receiver stands in the open, the second before an opening, the third inside."""
+    factors = np.array([[0.5, 0.45, 0.05], [0.4, 0.4, 0.2], [0.01, 0.0, 0.99]], np.float32)
+    rows = Rows(factors.copy(), np.full((3, 3), 1e-4, np.float32), {}, np.zeros((3, 5)))
     hide(rows, np.array([False, False, True]))
-    np.testing.assert_array_equal(rows.factors[0], np.float32([0.5, 0.3, 0.0]))
-    np.testing.assert_array_equal(rows.factors[1], factors[1])
-    assert rows.sums[0] == pytest.approx([0.8, 2e-4]) and rows.variances[0, 2] == 0.0
+    np.testing.assert_array_equal(rows.factors[0], np.float32([0.5, 0.45, 0.0]))
+    np.testing.assert_array_equal(rows.factors[1:], factors[1:])
+    assert rows.sums[0] == pytest.approx([0.95, 2e-4]) and rows.variances[0, 2] == 0.0
 
 
 def test_what_a_small_lamp_lights_in_the_open_is_seen():
@@ -92,3 +94,37 @@ def test_what_a_small_lamp_lights_in_the_open_is_seen():
     found = solve(data, accuracy=0.1)
     assert found.counters["elements_shut_in"] == 0
     assert found.sensors["down"].components["lamp.indirect"][0] > 0.0
+
+
+@pytest.mark.parametrize("radius, depth", [(0.04, 0.12), (0.02, 0.06)])
+def test_a_room_under_a_small_shielded_lamp_is_not_shut_in(monkeypatch, radius, depth):
+    """Of the opening of a downlight each element sees less than a thousandth."""
+    lamp = PatchSet.disk((0.7, 0.4, 2.4), radius, (0.0, 0.0, -1.0))
+    housing = PatchSet.cylinder((0.7, 0.4, 2.4 - depth), (0.7, 0.4, 2.4), radius)
+    parts = setup(ROOM, Body(lamp, False), Body(housing, False))
+    points = np.array([(x, y, 0.8) for x in (-1.5, 0.7, 1.6) for y in (-1.0, 0.4)])
+    data = scene(
+        parts,
+        lamps=[(1, "lamp", 1e5)],
+        materials=[0.6, 0.3, 0.8],
+        sensors=[grid("plane", points), grid("down", points, (0.0, 0.0, -1.0))],
+    )
+    data = dataclasses.replace(data, two_sided=parts.solid > 0)
+    found = solve(data, accuracy=0.1)
+    assert found.counters["elements_shut_in"] == 0
+    monkeypatch.setattr(field, "shut_in", lambda rows, unknowns, shining: ~shining & False)
+    expected = solve(data, accuracy=0.1)
+    for name, sensors in expected.sensors.items():
+        assert np.array_equal(found.sensors[name].illuminance_lx, sensors.illuminance_lx)
+
+
+@pytest.mark.parametrize("out", [0.0, 0.002])
+def test_what_lets_in_some_sky_is_not_shut_in(out):
+    """A lamp and a wall see one another; a third element sees itself, and the sky or nothing."""
+    factors = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0 - out]], np.float32)
+    outside = np.zeros((3, 5))
+    outside[2, 1] = out
+    rows = Rows(factors, np.zeros((3, 3), np.float32), {}, outside)
+    unknowns = Unknowns(np.arange(3), np.ones(3), None, None, 3)
+    hidden = shut_in(rows, unknowns, np.array([True, False, False]))
+    assert hidden.tolist() == [False, False, out == 0.0]
