@@ -8,7 +8,7 @@ import json
 import pytest
 from patchlight.pipeline import Emitter, PatchSet, Scene, SensorGrid, simulate
 from patchlight.pipeline.cli import main
-from patchlight.pipeline.printing import accuracy_reached
+from patchlight.solver.model.reached import accuracy_reached
 
 pytestmark = pytest.mark.slow
 
