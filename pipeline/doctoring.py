@@ -12,7 +12,7 @@ LIBRARIES = ("cadquery", "cadquery-ocp", "numpy", "numba", "scipy", "pyvista", "
 def doctor_lines() -> list[str]:
     """One line a finding; loads no heavy library."""
     from patchlight.reports import pdf_status, rendering_status
-    from patchlight.solver.numba_cache import use_cache_folder
+    from patchlight.solver.numba_cache import is_compiling_off, use_cache_folder
 
     lines = [f"patchlight {version('patchlight')}, Python {platform.python_version()}"]
     lines.append("libraries: " + ", ".join(f"{name} {version(name)}" for name in LIBRARIES))
@@ -22,7 +22,10 @@ def doctor_lines() -> list[str]:
         lines.append(f"{what}: {'yes' if can else 'no'}, {why}")
     folder, warm = use_cache_folder()
     state = "filled" if warm else "empty, the first run compiles (once)"
-    lines.append(f"compiled kernels: {folder} ({state})")
+    if is_compiling_off():
+        lines.append("compiled kernels: none, NUMBA_DISABLE_JIT is set; runs are very slow")
+    else:
+        lines.append(f"compiled kernels: {folder} ({state})")
     return lines
 
 

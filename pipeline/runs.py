@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 from patchlight.solver.effort import check_effort
 from patchlight.solver.errors import InputError, MissingFileError
 from patchlight.solver.model import Result
-from patchlight.solver.numba_cache import use_cache_folder
 
 from .output import prepare_output
 from .scene import Scene
-from .simulation import simulate, with_requirements
+from .simulation import compiling_is_news, simulate, with_requirements
 
 if TYPE_CHECKING:
     from .scene_schema import SceneFile
@@ -176,7 +175,7 @@ def _prepare(folder: Path, inputs: Iterable[Path], options: RunOptions) -> None:
 
 
 def _announce_kernels(talk: Talk) -> None:
-    if not use_cache_folder()[1]:
+    if compiling_is_news():
         talk.note("the kernels are compiled on the way, once")
 
 

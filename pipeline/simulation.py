@@ -14,7 +14,7 @@ from patchlight.solver.model import Result, SceneData
 from .scene import Scene
 
 Progress = Callable[[str, int, int], None]
-#: Folders without compiled kernels that were told of.
+#: Folders without compiled kernels that this process was told of.
 _SAID: set[Path] = set()
 
 
@@ -123,17 +123,24 @@ def _now() -> str:
 
 
 def announce_kernels(progress: Progress | None) -> None:
-    """Choose the folder of compiled kernels, and say so when they must be compiled first.
+    """Choose the folder of compiled kernels, and say once when they must be compiled first.
 
-    To ``progress``, else once on stderr: a script would seem to hang.
+    To ``progress``, else on stderr: a script would seem to hang.
     """
-    from patchlight.solver.numba_cache import use_cache_folder
-
-    folder, warm = use_cache_folder()
-    if warm:
+    if not compiling_is_news():
         return
     if progress is not None:
         progress("compiling kernels (once)", 0, 1)
-    elif folder not in _SAID:
-        _SAID.add(folder)
+    else:
         print("patchlight: the kernels are compiled on the way, once", file=sys.stderr)
+
+
+def compiling_is_news() -> bool:
+    """Whether kernels are compiled from here on; True only the first time, for who will tell it."""
+    from patchlight.solver.numba_cache import use_cache_folder
+
+    folder, warm = use_cache_folder()
+    if warm or folder in _SAID:
+        return False
+    _SAID.add(folder)
+    return True

@@ -34,7 +34,8 @@ def use_cache_folder() -> tuple[Path, bool]:
     folder : Path
         The folder.
     warm : bool
-        Whether kernels compiled earlier are in it; otherwise compiling comes first.
+        Whether kernels compiled earlier are in it, or none are ever compiled (`is_compiling_off`);
+        otherwise compiling comes first.
     """
     numba = sys.modules.get("numba")  # imported before: it has read the environment already
     given = os.environ.get("NUMBA_CACHE_DIR") or (numba.config.CACHE_DIR if numba else "")
@@ -42,8 +43,19 @@ def use_cache_folder() -> tuple[Path, bool]:
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if numba is not None:
         numba.config.CACHE_DIR = str(folder)
-    warm = folder.is_dir() and next(folder.rglob("*.nbi"), None) is not None
-    return folder, warm
+    filled = folder.is_dir() and next(folder.rglob("*.nbi"), None) is not None
+    return folder, filled or is_compiling_off()
+
+
+def is_compiling_off() -> bool:
+    """Whether kernels run as plain Python: NUMBA_DISABLE_JIT is set, to another number than 0."""
+    numba = sys.modules.get("numba")  # imported before: it has read the environment already
+    if numba is not None:
+        return bool(numba.config.DISABLE_JIT)
+    try:
+        return int(os.environ.get("NUMBA_DISABLE_JIT", "0")) != 0
+    except ValueError:  # Numba warns of it, and compiles
+        return False
 
 
 def _first_writable(name: str) -> Path:

@@ -2,9 +2,24 @@
 
 import numba as nb
 
-from . import parts
+#: Versions of Numba, (major, minor), whose inner classes `parts` was tested with. One is added when
+#: all tests of the solver pass with it.
+TESTED_WITH_PARTS = ((0, 68),)
 
-_PARTS = not nb.config.DISABLE_JIT and parts.is_possible()
+
+def _parts():
+    """The module `parts`; None, and kernels are compiled as Numba does, which only takes longer."""
+    if nb.config.DISABLE_JIT or nb.version_info.short not in TESTED_WITH_PARTS:
+        return None
+    try:
+        from . import parts
+
+        return parts if parts.is_possible() else None
+    except Exception:  # whatever comes of inner classes that have changed after all
+        return None
+
+
+_PARTS = _parts()
 #: There is no C code that could call a kernel.
 _ALL = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -12,15 +27,15 @@ _ALL = {"error_model": "numpy", "no_cfunc_wrapper": True}
 def _compiled(**options):
     """Decorator of kernels."""
     options |= _ALL
-    if not _PARTS:
+    if _PARTS is None:
         return nb.njit(cache=True, **options)
 
     def compile_kernel(function):
-        whole = nb.njit(cache=True, pipeline_class=parts.WholeCompiler, **options)(function)
+        whole = nb.njit(cache=True, pipeline_class=_PARTS.WholeCompiler, **options)(function)
         if options.get("parallel"):
             return whole
-        part = nb.njit(pipeline_class=parts.PartCompiler, no_cpython_wrapper=True, **options)
-        return parts.callable_from_both(whole, part(function))
+        part = nb.njit(pipeline_class=_PARTS.PartCompiler, no_cpython_wrapper=True, **options)
+        return _PARTS.callable_from_both(whole, part(function))
 
     return compile_kernel
 

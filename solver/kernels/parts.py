@@ -7,32 +7,42 @@ of a tree of calls is compiled again at each level above it, and three times mor
 compiled code is optimised by itself only, until the function called from Python is complete; this
 one is optimised once with all its parts. The same operations are done in the same order.
 
-`callable_from_both` gives a function two compilers, chosen by who calls. What this takes of Numba's
-inner classes is looked for first; without it kernels are compiled as Numba does, which only takes
-longer.
+`callable_from_both` gives a function two compilers, chosen by who calls. All this builds on inner
+classes of Numba, which any version may change: `compiled` imports it with tested versions only, and
+asks `is_possible`.
 """
 
 import contextlib
 import types
 
-from numba.core import codegen, compiler, typed_passes
+from numba.core import codegen, compiler, dispatcher, typed_passes
 from numba.core.compiler_machinery import register_pass
 from numba.core.environment import lookup_environment
 
-_LIBRARY = ("_final_module", "_shared_module", "_linking_libraries", "_finalized")
+#: What is taken of a library and of a dispatcher.
+_LIBRARY = (
+    "_codegen",
+    "_ensure_finalized",
+    "_final_module",
+    "_finalize_dynamic_globals",
+    "_finalized",
+    "_get_module_for_linking",
+    "_linking_libraries",
+    "_raise_if_finalized",
+    "_shared_module",
+    "enable_object_caching",
+)
+_DISPATCHER = ("get_call_template", "get_overload")
 
 
 def is_possible():
-    """Whether Numba has what parts are made with."""
-    try:
-        generator = codegen.JITCPUCodegen("probe")
-        generator._module_pass_manager()
-        made = generator.create_library("probe")
-    except Exception:  # whatever another version may raise
-        return False
-    methods = hasattr(codegen.JITCodeLibrary, "_get_module_for_linking")
-    passes = hasattr(typed_passes, "NativeParforLowering")
-    return methods and passes and all(hasattr(made, name) for name in _LIBRARY)
+    """Whether the installed Numba still has what parts are made with."""
+    generator = codegen.JITCPUCodegen("probe")
+    _passes, _builder = generator._module_pass_manager()
+    made = generator.create_library("probe")
+    return all(hasattr(made, name) for name in _LIBRARY) and all(
+        hasattr(dispatcher.Dispatcher, name) for name in _DISPATCHER
+    )
 
 
 class _Codegen:

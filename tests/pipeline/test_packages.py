@@ -8,9 +8,12 @@ import os
 import pkgutil
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
+from patchlight.pipeline import simulation
+from patchlight.pipeline.doctoring import doctor_lines
 from patchlight.pipeline.simulation import announce_kernels
 from patchlight.solver import numba_cache
 
@@ -73,16 +76,41 @@ def test_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
     assert not warm
 
 
-def test_first_run_of_a_script_says_once_that_it_compiles(tmp_path, monkeypatch, capsys):
+def test_first_run_says_once_that_it_compiles(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(simulation, "_SAID", set())
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     if (numba := sys.modules.get("numba")) is not None:
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+        monkeypatch.setattr(numba.config, "DISABLE_JIT", 0)
+    monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
     told = []
-    announce_kernels(None)
-    announce_kernels(None)
-    announce_kernels(lambda *state: told.append(state))
-    assert capsys.readouterr().err.count("compiled") == 1
-    assert told == [("compiling kernels (once)", 0, 1)]
+    for progress in (None, None, lambda *state: told.append(state)):
+        announce_kernels(progress)
+    assert capsys.readouterr().err.count("compiled") == 1 and not told
+    simulation._SAID.clear()
+    for progress in (lambda *state: told.append(state), lambda *state: told.append(state), None):
+        announce_kernels(progress)
+    assert told == [("compiling kernels (once)", 0, 1)] and not capsys.readouterr().err
+    simulation._SAID.clear()
     (tmp_path / "kernel.nbi").touch()
-    announce_kernels(lambda *state: told.append(state))
-    assert len(told) == 1
+    announce_kernels(None)
+    assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize("imported", [False, True])
+@pytest.mark.parametrize("value, said", [("1", 0), ("0", 1), ("yes", 1)])
+def test_nobody_says_that_it_compiles_where_nothing_is(
+    value, said, imported, tmp_path, monkeypatch, capsys
+):
+    """Numba reads numbers only: of other values it warns, and compiles."""
+    monkeypatch.setattr(simulation, "_SAID", set())
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", value)
+    if imported:
+        config = types.SimpleNamespace(CACHE_DIR=str(tmp_path), DISABLE_JIT=int(not said))
+        monkeypatch.setitem(sys.modules, "numba", types.SimpleNamespace(config=config))
+    else:
+        monkeypatch.delitem(sys.modules, "numba", raising=False)
+    announce_kernels(None)
+    assert capsys.readouterr().err.count("compiled") == said
+    assert ("NUMBA_DISABLE_JIT" in doctor_lines()[-1]) == (not said)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import os
 import subprocess
 import sys
+from pathlib import Path
 
+import numba as nb
 import numpy as np
 import pytest
 from numba import config
 from numba.core import codegen
-from patchlight.solver.kernels import compiled, parts
+from patchlight.solver.kernels import compiled
 
 KERNELS = """
 import math
@@ -88,8 +91,10 @@ def optimised(monkeypatch):
     return names
 
 
-def test_installed_numba_has_what_parts_take():
-    assert parts.is_possible()
+def test_installed_numba_is_one_that_parts_were_tested_with():
+    """With another, all the solver's tests pass before its version is added."""
+    assert nb.version_info.short in compiled.TESTED_WITH_PARTS
+    assert compiled._PARTS is not None
 
 
 def test_only_what_python_calls_is_optimised(load, optimised):
@@ -105,17 +110,11 @@ def test_only_what_python_calls_is_optimised(load, optimised):
     assert {"highest", "lowest"} <= set(optimised) and "middle" not in optimised
 
 
-def test_without_parts_the_bits_are_the_same(load, optimised, monkeypatch):
-    with_parts = load().highest(VALUES[0], 1)
-    assert "middle" not in optimised
-    monkeypatch.setattr(compiled, "_PARTS", False)
-    for name in ("kernel", "lean", "parallel"):
-        options = {"_nrt": name != "lean"} | ({"parallel": True} if name == "parallel" else {})
-        monkeypatch.setattr(compiled, name, compiled._compiled(**options))
-    some = load()
-    some.highest._cache.disable()
-    assert some.highest(VALUES[0], 1) == with_parts
-    assert "middle" in optimised
+@pytest.mark.parametrize("library", [object(), None], ids=["other attributes", "other arguments"])
+def test_inner_classes_are_looked_at_before_they_are_taken(library, monkeypatch):
+    make = library and (lambda self, name: library)
+    monkeypatch.setattr(codegen.JITCPUCodegen, "create_library", make)
+    assert compiled._parts() is None
 
 
 def test_errors_of_parts_reach_python(load):
@@ -137,3 +136,54 @@ def test_another_process_takes_them_from_disk(load, tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [f"{here.hex()} 1", "negative dimensions not allowed"]
+
+
+OTHER_NUMBA = """
+import sys
+import numba as nb, numpy as np
+from numba.core import codegen, typed_passes
+{change}
+names, inner = [], codegen.CPUCodeLibrary._optimize_final_module
+def count(library):
+    names.append(library.name)
+    inner(library)
+codegen.CPUCodeLibrary._optimize_final_module = count
+sys.path.insert(0, {folder!r})
+import some_kernels
+values = np.linspace(-2.0, 3.0, 12).reshape(3, 4)
+some_kernels.over_rows(values, 1, out := np.empty(3))
+print(some_kernels.highest(values[2], 1).hex(), out[2].hex())
+print([word for word in ("middle", "over_rows") if any(word in name for name in names)])
+"""
+
+
+@pytest.mark.parametrize(
+    "change, optimised",
+    [
+        ("", ["over_rows"]),
+        ("nb.version_info = nb.version_info._replace(short=(0, 0))", ["middle", "over_rows"]),
+        ("del typed_passes.NativeParforLowering", ["middle", "over_rows"]),
+    ],
+    ids=["as installed", "of another version", "without a class"],
+)
+def test_another_numba_compiles_as_it_does(change, optimised, load, tmp_path):
+    """The same bits come of it."""
+    here = load().highest(VALUES[2], 1).hex()
+    assert with_numba(change, tmp_path) == [f"{here} {here}", str(optimised)]
+
+
+@pytest.mark.parametrize("change", ["", "del codegen.JITCodeLibrary"])
+def test_kernels_run_where_nothing_is_compiled(change, tmp_path, load):
+    done = with_numba(change, tmp_path, NUMBA_DISABLE_JIT="1")
+    found = [float.fromhex(one) for one in done[0].split()]
+    assert found == pytest.approx([expected(VALUES[2])] * 2, rel=1e-14)
+    assert done[1] == "[]"
+
+
+def with_numba(change: str, folder: Path, **environment: str) -> list[str]:
+    """What another process says that changes its Numba before kernels are loaded."""
+    env = os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache")} | environment
+    code = OTHER_NUMBA.format(change=change, folder=str(folder))
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
