@@ -142,21 +142,17 @@ class CornerSolver:
         self._hiding = hiding(self.scene, base.blockers) & base.trace
 
     def boxes(self) -> tuple[Boxes, Boxes]:
-        """A mesh, and one with elements of twice its size; see `_quartered`.
-
-        Patches that one element would do get four, where these are not too many: otherwise both
-        meshes would be the same there, and their difference said nothing.
-        """
+        """A mesh, and one with twice its size; see `_quartered`."""
         counts, two_sided = self.budget.divisions, self.scene.two_sided
         half = (counts + 1) // 2
-        coarse, fine = Boxes.regular(half, two_sided), Boxes.regular(2 * half, two_sided)
-        if len(fine) > self.budget.elements_at_most:
-            fine = Boxes.regular(np.where(counts > 1, 2 * half, 1), two_sided)
+        whole = np.where(counts > 1, 2 * half, 1)
+        alone = int((counts == 1).all(axis=1).sum())
+        if alone:
             self.stages.warnings.append(
-                f"method nn93: {int((counts == 1).all(axis=1).sum())} patches are one element on "
-                "both meshes that are compared; stated errors lack theirs"
+                f"method nn93: {alone} patches are one element on both meshes that are compared; "
+                "stated errors lack theirs"
             )
-        return fine, coarse
+        return Boxes.regular(whole, two_sided), Boxes.regular(half, two_sided)
 
     def solve(self, boxes: Boxes, *, adapt: bool) -> CornerField:
         """Solve on ``boxes``; with ``adapt``, quartered where the light of lamps changes."""

@@ -53,7 +53,8 @@ def unevenness(accuracy):
 def test_light_of_an_uneven_wall_converges():
     """Every piece of the wall is seen by its area, whatever it shines: to 1e-6 at 1e-3."""
     found = [unevenness(accuracy) for accuracy in (0.03, 0.01, 0.003, 0.001)]
-    assert all(b <= 1.2 * a for a, b in zip(found, found[1:], strict=False))
+    # Below the rounding of factors, 6e-8, nothing is to converge.
+    assert all(b <= 1.2 * max(a, 6e-8) for a, b in zip(found, found[1:], strict=False))
     # Unoccluded factors are asked for to 1.5e-6, at worst.
     assert found[-1] <= 1e-6, found
 
