@@ -119,7 +119,7 @@ def test_the_stated_error_holds_in_a_room_with_a_lamp():
 
 @compiled
 def test_patches_of_one_element_are_told():
-    """Both meshes compared are the same there; corners are the unknowns, nodes only hand them on."""
+    """Both meshes compared are the same there; unknowns are the corners, not the nodes."""
     lamp = ceiling(-0.2, 0.2, -0.2, 0.2, 1.0)
     given = scene(setup(Body(BOX), lamp), rho=0.5, lamps=[(1, "lamp", 4000.0)], sensors=[PLANE])
     found = solve(given, accuracy=0.5, method="nn93")
