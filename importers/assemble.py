@@ -14,7 +14,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
 
-from . import moments
+from . import kept_parts, moments
 from .convert import AREA_LIMIT, FacePatches, check_area, convert_face
 from .extract import Extractor, faces_of
 from .occurrences import Body, Looks
@@ -26,26 +26,29 @@ EDGE_SHARE = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to convert: tolerance relative to the size of a part, angle of normals, area check."""
+    """How to convert: tolerance relative to the size of a part, angle of normals, repair, area
+    check, and whether the cache may be used."""
 
     tolerance: float
     angle_deg: float
     heal: bool = True
     check_areas: bool = True
+    cache: bool = False
 
 
 @dataclass(slots=True)
 class Converted:
-    """A distinct shape as patches in file units."""
+    """A distinct shape as patches in file units; ``seconds`` are those of the conversion."""
 
     faces: list[FacePatches]
-    senses: list[Senses]
     shapes: list[Any]
     edge_count: int
     size: float
     kind: str
+    seconds: float = 0.0
     area_seconds: float = 0.0
     notes: list[str] = field(default_factory=list)
+    cached: bool = False
 
 
 def diagonal(shape: Any) -> float:
@@ -58,23 +61,38 @@ def diagonal(shape: Any) -> float:
     return float(np.linalg.norm([x1 - x0, y1 - y0, z1 - z0]))
 
 
+def converted(shape: Any, kind: str, options: Options) -> Converted:
+    """Patches of one solid or sheet, from the cache where it has them."""
+    key = kept_parts.key(shape, kind, options) if options.cache else ""
+    found = kept_parts.get(key) if options.cache else None
+    if found is not None:
+        return Converted(shapes=faces_of(shape), cached=True, **found)
+    start = time.perf_counter()
+    out = convert_shape(shape, kind, options)
+    out.seconds = time.perf_counter() - start - out.area_seconds
+    if options.cache and out.seconds > kept_parts.WORTH_S:
+        kept_parts.put(key, out)
+    return out
+
+
 def convert_shape(shape: Any, kind: str, options: Options) -> Converted:
     """Patches of one solid or sheet.
 
     A solid whose patches enclose a negative volume is turned inside out; one that is not closed
     keeps its orientation and is noted.
     """
-    out = _convert(shape, kind, options)
+    out, senses = _convert(shape, kind, options)
     if options.heal and any(_bad(f) for f in out.faces):
         fixer = ShapeFix_Shape(shape)
         fixer.Perform()
-        again = _convert(fixer.Shape(), kind, options)
+        again, repaired_senses = _convert(fixer.Shape(), kind, options)
         before, after = sum(map(_bad, out.faces)), sum(map(_bad, again.faces))
         if len(again.faces) == len(out.faces) and after < before:
             again.notes.append(f"shape repaired by the CAD kernel ({before - after} faces)")
-            out = again
+            # Names, colours and `cad_face` know the faces as they came.
+            again.shapes, out, senses = out.shapes, again, repaired_senses
     if out.kind == "solid":
-        _orient(out)
+        _orient(out, senses)
     return out
 
 
@@ -82,7 +100,7 @@ def _bad(face: FacePatches) -> bool:
     return not len(face.nets) or face.area_error > AREA_LIMIT
 
 
-def _convert(shape: Any, kind: str, options: Options) -> Converted:
+def _convert(shape: Any, kind: str, options: Options) -> tuple[Converted, list[Senses]]:
     size = diagonal(shape)
     tolerance = options.tolerance * size
     extractor = Extractor(shape, EDGE_SHARE * tolerance)
@@ -101,14 +119,15 @@ def _convert(shape: Any, kind: str, options: Options) -> Converted:
                 spent += time.perf_counter() - start
             face.domain = None
             faces.append(face)
-    return Converted(faces, senses, shapes, extractor.count, size, kind, spent)
+    part = Converted(faces, shapes, extractor.count, size, kind, area_seconds=spent)
+    return part, senses
 
 
-def _orient(out: Converted) -> None:
+def _orient(out: Converted, senses: list[Senses]) -> None:
     nets = [f.nets for f in out.faces if len(f.nets)]
     if not nets:
         return
-    turned, orientable = flips(out.senses)
+    turned, orientable = flips(senses)
     if not orientable:
         out.kind = "sheet"
         out.notes.append("the shell cannot be oriented: taken as a sheet, active on both sides")
@@ -169,8 +188,8 @@ def assemble(
     for row, body in enumerate(bodies):
         key = keys.Add(body.shape)
         if key not in done:
-            found = convert_shape(body.shape, body.kind, options)
-            area_seconds += found.area_seconds
+            found = converted(body.shape, body.kind, options)
+            area_seconds += 0.0 if found.cached else found.area_seconds
             done[key] = (found, row)
             notes += [f"{body.path}: {note}" for note in found.notes]
         found, first = done[key]
@@ -210,6 +229,12 @@ def assemble(
     if not sets:
         reason = next((f.reason for f in faces if f.reason), "unknown")
         raise GeometryError(f"none of the {len(faces)} faces could be converted: {reason}")
+    distinct = [found for found, _ in done.values()]
+    if cached := [found for found in distinct if found.cached]:
+        notes.append(
+            f"{len(cached)} of {len(distinct)} distinct parts taken from the cache: "
+            f"{sum(found.seconds for found in cached):.3g} s to convert at first"
+        )
     patches = PatchSet.concatenated(*sets)
     warnings = warnings + _warnings(parts, faces, patches)
     certificate = Certificate(

@@ -16,7 +16,7 @@ from patchlight.solver.model.arrays import FloatArray
 
 from .assemble import Options, assemble
 from .occurrences import Looks, Occurrence, bodies, matrix, numbered, segment
-from .step import _check_options
+from .step import check_options
 from .xcaf import unit_metres
 
 #: CAD faces of each part of models made here, for `cad_face`; forgotten with the model.
@@ -31,6 +31,7 @@ def from_cadquery(
     angle_deg: float = 1.0,
     name: str | None = None,
     check_areas: bool = True,
+    cache: bool = True,
 ) -> Model:
     """Convert a CadQuery Workplane, Shape or Assembly to a model.
 
@@ -40,7 +41,7 @@ def from_cadquery(
     import cadquery as cq
 
     started = time.perf_counter()
-    _check_options(1.0, tolerance, angle_deg, 1.0)
+    check_options(1.0, tolerance, angle_deg, 1.0)
     metres = unit_metres(unit)
     if isinstance(obj, cq.Assembly):
         label = name or obj.name or "model"
@@ -66,7 +67,7 @@ def from_cadquery(
     try:
         model, shapes_of = assemble(
             bodies(found), name=label, metres=metres,
-            options=Options(tolerance, angle_deg, True, check_areas), source="cadquery",
+            options=Options(tolerance, angle_deg, True, check_areas, cache), source="cadquery",
             sha256=_digest(found), unit=unit, started=started, read=started, warnings=[],
         )  # fmt: skip
     except GeometryError as error:

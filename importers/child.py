@@ -1,12 +1,12 @@
 """The process that reads one STEP file: ``python -m patchlight.importers.child REQUEST RESULT``.
 
-The CAD kernel may crash or hang on an unknown file; here it takes nobody down with it.
+The CAD kernel may crash, hang or take all memory on an unknown file; here it takes nobody down
+with it.
 """
 
 from __future__ import annotations
 
 import json
-import pickle
 import sys
 import time
 from pathlib import Path
@@ -35,7 +35,8 @@ def read(request: dict[str, Any]) -> tuple[Model, list[list[Any]]]:
         name=Path(request["path"]).stem,
         metres=metres,
         options=Options(
-            request["tolerance"], request["angle_deg"], request["heal"], request["check_areas"]
+            request["tolerance"], request["angle_deg"], request["heal"],
+            request["check_areas"], request["cache"],
         ),
         source=request["path"],
         sha256=request["sha256"],
@@ -43,46 +44,33 @@ def read(request: dict[str, Any]) -> tuple[Model, list[list[Any]]]:
         started=started,
         read=read_at,
         warnings=[],
-    )
+    )  # fmt: skip
 
 
-def pack(model: Model) -> dict[str, Any]:
-    """A model as plain arrays and tuples, for another process."""
-    p = model.patches
-    return {
-        "name": model.name,
-        "parts": [
-            (q.path, q.kind, q.color, q.layer, q.material, q.placement, q.instance_of)
-            for q in model.parts
-        ],
-        "faces": [
-            (
-                f.part, f.number, f.kind, f.exact, f.patches, f.deviation_m, f.angle_deg,
-                f.area_m2, f.area_error, f.gap_m, f.reason, f.name, f.color,
-            )
-            for f in model.faces
-        ],
-        "patches": (p.control_points, p.face_index, p.part_index, p.edge_index),
-        "seconds": model.certificate.seconds,
-        "reading_seconds": model.certificate.reading_seconds,
-        "area_seconds": model.certificate.area_seconds,
-        "notes": model.certificate.notes,
-        "source": model.source,
-        "sha256": model.sha256,
-        "unit": model.unit,
-        "warnings": model.warnings,
-    }  # fmt: skip
+def limit_memory(size: int) -> None:
+    """Let this process take ``size`` bytes at most, where the system can see to that."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    # Data, not address space: libraries reserve far more of the latter than they use.
+    resource.setrlimit(resource.RLIMIT_DATA, (size, size))
 
 
 def main(argv: list[str]) -> int:
-    """Read the request, write the pickled result or error; the parent reports it."""
-    request = json.loads(Path(argv[0]).read_text(encoding="utf-8"))
+    """Read the request, write the model or the error; the parent reports it."""
+    from . import stored
+
+    request, answer = json.loads(Path(argv[0]).read_text(encoding="utf-8")), Path(argv[1])
+    if request["memory"] is not None:
+        limit_memory(request["memory"])
     try:
         model, _ = read(request)
-        result: dict[str, Any] = pack(model)
+        stored.write(answer, *stored.from_model(model))
     except PatchlightError as error:
-        result = {"error": str(error)}
-    Path(argv[1]).write_bytes(pickle.dumps(result, protocol=pickle.HIGHEST_PROTOCOL))
+        stored.write(answer, {"error": str(error)}, {})
+    except MemoryError:
+        stored.write(answer, {"out_of_memory": True}, {})
     return 0
 
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import os
-import pickle
+import signal
 import subprocess
 import sys
 import tempfile
@@ -14,7 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from patchlight.solver.errors import InputError, MissingFileError
-from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
+from patchlight.solver.memory import available_bytes
+from patchlight.solver.model import Model
+
+from . import kept, stored
+
+#: What the CAD kernel and Python say when memory ends.
+OUT_OF_MEMORY = ("bad_alloc", "OutOfMemory", "MemoryError", "allocate memory", "Memory allocation")
 
 
 def read_step(
@@ -26,7 +32,9 @@ def read_step(
     angle_deg: float = 1.0,
     heal: bool = True,
     timeout_s: float = 300.0,
+    memory_gb: float | None = None,
     check_areas: bool = True,
+    cache: bool = True,
 ) -> Model:
     """Read a STEP file (AP203, AP214, AP242) into rational bicubic patches.
 
@@ -47,9 +55,16 @@ def read_step(
         Let the CAD kernel repair parts of which a face cannot be converted.
     timeout_s : float
         Limit for reading and converting. [s]
+    memory_gb : float, optional
+        Limit for the memory of the process that does it, what is free when not given; kept where
+        the system can see to that (Linux). [GB]
     check_areas : bool
         Compare the area of each face with an integral over its surface and boundary alone; without
         it `Face.area_error` is NaN.
+    cache : bool
+        Take the model from the cache if the content of the file, the options and the converter are
+        those of an earlier time; the certificate says so. It lies in the user's cache folder, or
+        in that of the environment variable PATCHLIGHT_CACHE_DIR.
 
     Returns
     -------
@@ -61,20 +76,35 @@ def read_step(
     MissingFileError
         If there is no such file.
     InputError
-        If it is no usable STEP file, or the CAD kernel crashed or ran out of time on it.
+        If it is no usable STEP file, or the CAD kernel crashed or ran out of time or memory
+        on it.
     """
     file = Path(path)
-    _check_options(scale, tolerance, angle_deg, timeout_s)
+    check_options(scale, tolerance, angle_deg, timeout_s)
+    if memory_gb is not None and not 0.0 < memory_gb < math.inf:
+        raise InputError(f"memory_gb = {memory_gb}: must be above 0")
     text = checked_content(file)
-    request = {
-        "path": str(file), "scale": scale, "unit": unit, "tolerance": tolerance,
-        "angle_deg": angle_deg, "heal": heal, "check_areas": check_areas,
-        "sha256": hashlib.sha256(text).hexdigest(),
+    options = {
+        "scale": scale, "unit": unit, "tolerance": tolerance, "angle_deg": angle_deg,
+        "heal": heal, "check_areas": check_areas, "cache": cache,
     }  # fmt: skip
-    return unpack(_run(request, timeout_s))
+    # The name of the file names what has no name in it.
+    name = kept.key(text, {**options, "stem": file.stem}) if cache else ""
+    if cache:
+        model = kept.model(name, str(file))
+        if model is not None:
+            return model
+    request = {
+        **options, "path": str(file), "sha256": hashlib.sha256(text).hexdigest(),
+        "memory": available_bytes() if memory_gb is None else int(1e9 * memory_gb),
+    }  # fmt: skip
+    contents = _run(request, timeout_s)
+    if cache:
+        kept.put(name, contents)
+    return stored.to_model(contents)
 
 
-def _check_options(scale: float, tolerance: float, angle_deg: float, timeout_s: float) -> None:
+def check_options(scale: float, tolerance: float, angle_deg: float, timeout_s: float) -> None:
     for name, value, low, high in (
         ("scale", scale, 0.0, math.inf),
         ("tolerance", tolerance, 1e-8, 0.1),
@@ -106,10 +136,10 @@ def checked_content(file: Path) -> bytes:
     return text
 
 
-def _run(request: dict[str, Any], timeout_s: float) -> dict[str, Any]:
+def _run(request: dict[str, Any], timeout_s: float) -> stored.Contents:
     path = request["path"]
     with tempfile.TemporaryDirectory(prefix="patchlight-") as folder:
-        ask, answer = Path(folder) / "request.json", Path(folder) / "result.pickle"
+        ask, answer = Path(folder) / "request.json", Path(folder) / "result.npz"
         ask.write_text(json.dumps(request), encoding="utf-8")
         command = [sys.executable, "-m", "patchlight.importers.child", str(ask), str(answer)]
         # Threads of a linear algebra library only get in each other's way on small arrays.
@@ -121,30 +151,27 @@ def _run(request: dict[str, Any], timeout_s: float) -> dict[str, Any]:
         except subprocess.TimeoutExpired:
             raise InputError(f"{path}: not read within {timeout_s:g} s (timeout_s)") from None
         if not answer.exists():
-            raise InputError(f"{path}: {_cause(done)}")
-        result = pickle.loads(answer.read_bytes())
-    if "error" in result:
-        message = result["error"]
+            raise InputError(f"{path}: {_cause(done, request['memory'])}")
+        contents = stored.read(answer)
+    head = contents[0]
+    if "out_of_memory" in head:
+        raise InputError(f"{path}: {_too_little(request['memory'])}")
+    if "error" in head:
+        message = head["error"]
         raise InputError(message if message.startswith(path) else f"{path}: {message}")
-    return result
+    return contents
 
 
-def _cause(done: subprocess.CompletedProcess[bytes]) -> str:
+def _cause(done: subprocess.CompletedProcess[bytes], memory: int | None) -> str:
+    text = done.stderr.decode(errors="replace").strip()
+    if any(word in text for word in OUT_OF_MEMORY) or done.returncode == -signal.SIGKILL:
+        return _too_little(memory)
     if done.returncode < 0:
         return f"the CAD kernel crashed on this file (signal {-done.returncode})"
-    lines = done.stderr.decode(errors="replace").strip().splitlines()
+    lines = text.splitlines()
     return f"reading failed: {lines[-1] if lines else f'exit code {done.returncode}'}"
 
 
-def unpack(data: dict[str, Any]) -> Model:
-    """Model from what `child.pack` wrote."""
-    parts = tuple(Part(*row) for row in data["parts"])
-    faces = tuple(Face(*row) for row in data["faces"])
-    certificate = Certificate(
-        faces, tuple(p.path for p in parts), data["seconds"], tuple(data["notes"]),
-        data["reading_seconds"], data["area_seconds"],
-    )  # fmt: skip
-    return Model(
-        data["name"], parts, faces, PatchSet(*data["patches"]), certificate,
-        data["source"], data["sha256"], data["unit"], tuple(data["warnings"]),
-    )  # fmt: skip
+def _too_little(memory: int | None) -> str:
+    bound = "there is" if memory is None else f"{memory / 1e9:.3g} GB (memory_gb)"
+    return f"reading takes more memory than {bound}"

@@ -87,6 +87,7 @@ def run_batch(
     accuracy: float | None = None,
     force: bool = False,
     check: bool = False,
+    cache: bool = True,
     say: Callable[[str], None] = lambda text: None,
 ) -> BatchDone:
     """`batch` with the options of the command line; ``say`` gets a line a finished file.
@@ -110,6 +111,8 @@ def run_batch(
         options += ["--accuracy", repr(accuracy)]
     if check:
         options.append("--check")
+    if not cache:
+        options.append("--no-cache")
     if scene is not None:
         settings["scene"] = identity(scene, first_model=1)  # each file takes the first one's place
     items = [BatchItem(name, str(path), str(out / name)) for name, path in _names(files).items()]

@@ -52,6 +52,7 @@ def run(
     pdf: Flag = False,
     force: Flag = False,
     check: Flag = False,
+    no_cache: Flag = False,
     json_: Annotated[bool, Parameter(name="--json", negative=())] = False,
     verbose: Verbose = False,
 ) -> int:
@@ -85,6 +86,8 @@ def run(
         Write into a folder that holds something else.
     check
         Exit with 1 when a requirement of the scene fails.
+    no_cache
+        Convert models anew, and keep nothing of them.
     json_
         Print results as JSON.
     verbose
@@ -94,8 +97,9 @@ def run(
     from .talk import Talk
 
     options = RunOptions(
-        output, accuracy, threads, scale, unit, up, tolerance, scene, pdf, force, method=method
-    )
+        output, accuracy, threads, scale, unit, up, tolerance, scene, pdf, force,
+        method=method, cache=not no_cache,
+    )  # fmt: skip
     with Talk(verbose=verbose) as talk:
         _check_pdf(pdf)
         done = run_file(file, options, talk)
@@ -110,6 +114,9 @@ def inspect(
     scale: float = 1.0,
     unit: str | None = None,
     tolerance: float = 1e-4,
+    timeout: float = 300.0,
+    memory: float | None = None,
+    no_cache: Flag = False,
     json_: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
     """Show what is in a STEP file and how exactly its faces can be represented.
@@ -124,12 +131,21 @@ def inspect(
         Length unit, instead of the one the file states.
     tolerance
         Largest deviation of converted faces, relative to the size of their part.
+    timeout
+        Longest time for reading and converting. [s]
+    memory
+        Most memory that may take; what is free when not given. [GB]
+    no_cache
+        Convert anew, and keep nothing of it.
     json_
         Print everything as JSON.
     """
     from patchlight.importers import read_step
 
-    model = read_step(file, scale=scale, unit=unit, tolerance=tolerance)
+    model = read_step(
+        file, scale=scale, unit=unit, tolerance=tolerance, timeout_s=timeout, memory_gb=memory,
+        cache=not no_cache,
+    )  # fmt: skip
     if json_:
         from patchlight.importers import inspection
 
@@ -153,6 +169,7 @@ def batch(
     accuracy: float | None = None,
     force: Flag = False,
     check: Flag = False,
+    no_cache: Flag = False,
     verbose: Verbose = False,
 ) -> int:
     """Simulate many files, each in a process of its own; no failure stops the others.
@@ -175,6 +192,8 @@ def batch(
         Compute files again that were finished before.
     check
         Count a failed requirement as a failure.
+    no_cache
+        Convert models anew, and keep nothing of them.
     verbose
         Say what is being done.
     """
@@ -189,6 +208,7 @@ def batch(
         accuracy=accuracy,
         force=force,
         check=check,
+        cache=not no_cache,
         say=lambda text: print(text, file=sys.stderr, flush=True),
     )
     items, failed = done.items, [item for item in done.items if not item.ok]

@@ -44,6 +44,7 @@ class RunOptions:
     force: bool = False
     own_files: tuple[str, ...] = ()
     method: str | None = None
+    cache: bool = True
 
 
 @dataclass(slots=True)
@@ -137,7 +138,7 @@ def _from_scene_file(
     file = read_scene_file(path, model=model)
     _prepare(folder, (path.parent / table.file for table in file.model), options)
     talk.progress("reading models", 0, len(file.model))
-    scene = build_scene(file, path)
+    scene = build_scene(file, path, cache=options.cache)
     _announce_kernels(talk)
     return scene, resolved_config(_with_options(file, options), path.parent)
 
@@ -159,7 +160,7 @@ def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tup
         for key in ("scale", "unit", "tolerance")
         if (value := getattr(options, key)) is not None
     }
-    model = read_step(path, **given)
+    model = read_step(path, **given, cache=options.cache)
     _announce_kernels(talk)  # asking what lies inside a solid needs them
     bare = bare_scene(model, path, up=options.up or "z", scale=options.scale or 1.0)
     talk.note(f"{path.name}: no scene file, so it runs with defaults")

@@ -26,8 +26,10 @@ if TYPE_CHECKING:
     from .scene_schema import SceneFile
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, *, cache: bool = True) -> Scene:
     """Scene described by a TOML file; file names in it are relative to its folder.
+
+    With ``cache`` models are taken from the cache where it has them, as by `read_step`.
 
     Raises
     ------
@@ -37,7 +39,7 @@ def load_scene(path: str | Path) -> Scene:
         Naming every unknown key, value out of bounds, missing model and pattern without a match.
     """
     path = Path(path)
-    return build_scene(read_scene_file(path), path)
+    return build_scene(read_scene_file(path), path, cache=cache)
 
 
 def read_scene_file(path: Path, *, model: Path | None = None) -> SceneFile:
@@ -217,7 +219,7 @@ def _tables(values: dict[str, Any], key: str) -> list[dict[str, Any]]:
     return [t for t in tables if isinstance(t, dict)] if isinstance(tables, list) else []
 
 
-def build_scene(file: SceneFile, path: Path) -> Scene:
+def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
     """Read the models of a checked scene file and apply it; ``path`` is the scene file."""
     from patchlight.importers import read_photometry, read_step
 
@@ -239,6 +241,10 @@ def build_scene(file: SceneFile, path: Path) -> Scene:
                 unit=table.unit,
                 tolerance=table.tolerance,
                 angle_deg=table.angle_deg,
+                heal=table.heal,
+                timeout_s=table.timeout_s,
+                memory_gb=table.memory_gb,
+                cache=cache,
             )
             placement = up_matrix(table.up)
             placement[:3, 3] = np.asarray(table.at_m)

@@ -64,6 +64,12 @@ class ModelTable(Table):
     """Largest deviation of a converted face, relative to the part's size."""
     angle_deg: Annotated[Number, Field(gt=0)] = 1.0
     """Largest deviation of its normals. [deg]"""
+    heal: bool = True
+    """Let the CAD kernel repair parts of which a face cannot be converted."""
+    timeout_s: Annotated[Number, Field(gt=0)] = 300.0
+    """Limit for reading and converting. [s]"""
+    memory_gb: Annotated[Number, Field(gt=0)] | None = None
+    """Limit for the memory of the process that does it; what is free when not given. [GB]"""
 
 
 class MaterialTable(Table):

@@ -19,6 +19,11 @@ _BASE = Path(
 # Workers of pytest-xdist and child processes inherit the folder that the first process chose.
 os.environ["NUMBA_CACHE_DIR"] = str(_BASE if _BASE.name == _KEY else _BASE / _KEY)
 
+# Nor is anything of the user's cache read or written; workers share what one of them converted.
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    _CONVERTED = tempfile.TemporaryDirectory(prefix="patchlight-cache-")
+    os.environ["PATCHLIGHT_CACHE_DIR"] = _CONVERTED.name
+
 # No test may open a window.
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
