@@ -42,7 +42,10 @@ LINES_OF_MANY, SIGHTS_OF_MANY = 32, 256
 #: Rows of the iterated gather against those of the mesh, down to an accuracy; beyond it more, by
 #: the inverse of its third root, as the size of elements goes. Light on elements that are left out
 #: is not put right beside edges: with 1.0 at all accuracies errors grew again at 0.001.
-GATHERED, GATHERED_OF_MANY, GATHERED_MORE_BELOW = 1.0, 0.05, 0.01
+GATHERED, GATHERED_MORE_BELOW = 1.0, 0.01
+#: In large meshes, what may be left out against what is looked at: in a hall of 81 desks 581 of 7744
+#: elements are looked at then; with 256 the error stated was 1.6 times as large.
+LEFT_OUT_OF_MANY = 0.2
 #: Error against the change by the iterated gather in large meshes, whose elements are coarse for
 #: the shadows on them: what they lose to places that see less of the scene, it shows in part.
 CHANGE_OF_MANY = 3.0
@@ -249,11 +252,16 @@ class Budget:
 
         A quarter as accurate a run finds a quarter as many: they are to find what nodes missed.
         """
-        share = GATHERED_OF_MANY
+        share = GATHERED
         if not self.is_large:
-            share = GATHERED * max(GATHERED_MORE_BELOW / self.accuracy, 1.0) ** (1.0 / 3.0)
+            share *= max(GATHERED_MORE_BELOW / self.accuracy, 1.0) ** (1.0 / 3.0)
         loose = max(1.0, self.accuracy / PIECES_ACCURACY)
         return int(max(PIECES, share * unknowns) / loose)
+
+    @property
+    def left_out(self) -> float:
+        """What the iterated gather may leave out though it has rows left, against what it sees."""
+        return LEFT_OUT_OF_MANY if self.is_large else 0.0
 
     @property
     def far(self) -> float:

@@ -309,7 +309,7 @@ class FieldSolver:
             before = None if self.mesh_before is None else self.mesh_before.halved
             gather = partial(self.light_at, budget=budget, field=field)
             lamps = self._flux_of_lamps(field), budget.eps
-            count = budget.gathered(len(field.unknowns))
+            count = budget.gathered(len(field.unknowns)), budget.left_out
             finer = finer_light(field, weights, gather, lamps, count, before)
         self.stages.figures["lamp_flux_put_right"] = finer.put_right
         self.stages.count({"unknowns_checked": len(finer.unknowns) - len(field.unknowns)})

@@ -125,7 +125,7 @@ def finer_light(
     weights: FloatArray,
     gather: Gather,
     lamps: tuple[dict[str, FloatArray], float],
-    count: int,
+    count: tuple[int, float],
     before: IntArray | None = None,
 ) -> Finer:
     """The light of ``field`` on halved elements.
@@ -141,8 +141,8 @@ def finer_light(
     lamps : tuple of dict of (b,) arrays and float
         What lamps send to the scene, by light group, where that is known [lm], and the accuracy of
         form factors.
-    count : int
-        Rows that may be found.
+    count : tuple of int and float
+        Rows that may be found, and what may be left out though there are some, against the rest.
     before : (c,) int array, optional
         Elements halved in a run before this one: they are again unless others matter more.
     """
@@ -224,7 +224,7 @@ def as_it_is(field: Field) -> Finer:
 
 
 def _chosen(
-    field: Field, weights: FloatArray, count: int, before: IntArray | None = None
+    field: Field, weights: FloatArray, count: tuple[int, float], before: IntArray | None = None
 ) -> tuple[IntArray, float]:
     """Elements to halve, and how much of what may matter is in others, against what is in them."""
     unknowns, surfaces = field.unknowns, field.surfaces
@@ -242,8 +242,10 @@ def _chosen(
     before = None if before is None else before[~whole[before]]
     order = np.argsort(-worth, kind="stable")
     order = order[(worth > 0.0)[order] & ~whole[order]]
-    chosen = np.sort(order[: count // unknowns.halves_of])
     total = float(worth.sum())
+    rows, left_out = count
+    enough = np.searchsorted(np.cumsum(worth[order]), total / (1.0 + left_out)) + 1
+    chosen = np.sort(order[: min(rows // unknowns.halves_of, int(enough))])
     if before is not None and worth[chosen].sum() <= AS_GOOD * worth[before].sum():
         chosen = before
     seen = float(worth[chosen].sum())

@@ -281,17 +281,30 @@ def test_large_meshes_have_fewer_lines_a_node_and_one_node_on_what_is_small(monk
     data = room()
     few = budget.Budget.of(data, 0.02)
     assert not few.is_large and few.gathered(10_000) == 10_000 * budget.GATHERED
-    assert few.gathered(10) == budget.PIECES
+    assert few.gathered(10) == budget.PIECES and few.left_out == 0.0
     monkeypatch.setattr(budget, "MANY_ELEMENTS", few.elements // 2)
     many = budget.Budget.of(data, 0.02)
     assert many.elements == few.elements and many.is_large
     assert few.lines == 250 and many.lines == budget.LINES_OF_MANY
     assert many.sights == budget.SIGHTS_OF_MANY < few.sights
     assert many.small > few.small
-    assert many.gathered(200_000) == 200_000 * budget.GATHERED_OF_MANY
+    # As many rows may be found again, but no more than matter.
+    assert many.gathered(200_000) == 200_000 * budget.GATHERED
+    assert many.left_out == budget.LEFT_OUT_OF_MANY > 0.0
     # No more than a small mesh has.
     monkeypatch.setattr(budget, "LINES_OF_MANY", 64)
     assert budget.Budget.of(data, 0.5).lines == 48
+
+
+def test_large_meshes_look_closely_where_it_matters(monkeypatch):
+    """As many elements are halved as leave out little of what may matter, and no more."""
+    monkeypatch.setattr(budget, "MANY_ELEMENTS", 1)
+    halved = {}
+    for left_out in (0.0, 0.2, 1.0):
+        monkeypatch.setattr(budget, "LEFT_OUT_OF_MANY", left_out)
+        counters = solve(room(), accuracy=0.02, cache=False).counters
+        halved[left_out] = counters["unknowns_checked"]
+    assert halved[0.0] > halved[0.2] > halved[1.0] > 0
 
 
 def test_large_patches_are_cut_among_many(monkeypatch):
