@@ -19,6 +19,7 @@ from .convert import AREA_LIMIT, FacePatches, check_area, convert_face
 from .extract import Extractor, faces_of
 from .occurrences import Body, Looks
 from .orientation import Senses, flips
+from .plausible import size_warnings
 
 #: Share of a part's tolerance that the chains of its edges may take.
 EDGE_SHARE = 0.25
@@ -236,7 +237,7 @@ def assemble(
             f"{sum(found.seconds for found in cached):.3g} s to convert at first"
         )
     patches = PatchSet.concatenated(*sets)
-    warnings = warnings + _warnings(parts, faces, patches)
+    warnings = warnings + size_warnings(name, parts, patches) + _failures(parts, faces)
     certificate = Certificate(
         tuple(faces), tuple(p.path for p in parts),
         time.perf_counter() - started - area_seconds, tuple(notes), read - started, area_seconds,
@@ -263,19 +264,12 @@ def _inner_looks(body: Body, shapes: list[Any]) -> list[Looks]:
     return out
 
 
-def _warnings(parts: list[Part], faces: list[Face], patches: PatchSet) -> list[str]:
-    out = []
-    low, high = patches.bounds()
-    size = float((high - low).max())
-    if size > 1e3:
-        out.append(f"the model is {size:.4g} m long: check its length unit (option unit or scale)")
-    elif size < 1e-3:
-        out.append(f"the model is {size:.2g} m long: check its length unit (option unit or scale)")
+def _failures(parts: list[Part], faces: list[Face]) -> list[str]:
     failed = [f for f in faces if f.failed]
-    if failed:
-        f = failed[0]
-        out.append(
-            f"{len(failed)} of {len(faces)} faces could not be converted; the first is "
-            f"{parts[f.part].path} #{f.number} ({f.kind}): {f.reason}"
-        )
-    return out
+    if not failed:
+        return []
+    f = failed[0]
+    return [
+        f"{len(failed)} of {len(faces)} faces could not be converted; the first is "
+        f"{parts[f.part].path} #{f.number} ({f.kind}): {f.reason}"
+    ]

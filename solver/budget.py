@@ -43,8 +43,8 @@ LINES_OF_MANY, SIGHTS_OF_MANY = 32, 256
 #: the inverse of its third root, as the size of elements goes. Light on elements that are left out
 #: is not put right beside edges: with 1.0 at all accuracies errors grew again at 0.001.
 GATHERED, GATHERED_MORE_BELOW = 1.0, 0.01
-#: In large meshes, what may be left out against what is looked at: in a hall of 81 desks 581 of 7744
-#: elements are looked at then; with 256 the error stated was 1.6 times as large.
+#: In large meshes, what may be left out against what is looked at: in a hall of 81 desks 581 of
+#: 7744 elements are looked at then; with 256 the error stated was 1.6 times as large.
 LEFT_OUT_OF_MANY = 0.2
 #: Error against the change by the iterated gather in large meshes, whose elements are coarse for
 #: the shadows on them: what they lose to places that see less of the scene, it shows in part.

@@ -205,7 +205,7 @@ def test_wire_only_file_has_no_faces(tmp_path):
 
 def test_timeout_and_bad_options(room_file):
     with pytest.raises(InputError, match="not read within"):
-        read_step(room_file, timeout_s=0.01)
+        read_step(room_file, timeout_s=0.01, cache=False)
     with pytest.raises(InputError, match="unit"):
         read_step(room_file, unit="furlong")
     with pytest.raises(InputError, match="scale"):
@@ -224,7 +224,7 @@ def test_crash_of_the_reader_is_one_line(room_file, monkeypatch):
 
     monkeypatch.setattr(step.subprocess, "run", crashing)
     with pytest.raises(InputError, match="crashed on this file .signal 6"):
-        read_step(room_file)
+        read_step(room_file, cache=False)
 
 
 def test_importing_loads_no_cad_kernel():
