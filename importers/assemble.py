@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.ShapeFix import ShapeFix_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from patchlight.solver.errors import GeometryError
@@ -80,18 +82,28 @@ def convert_shape(shape: Any, kind: str, options: Options) -> Converted:
     """Patches of one solid or sheet.
 
     A solid whose patches enclose a negative volume is turned inside out; one that is not closed
-    keeps its orientation and is noted.
+    keeps its orientation and is noted. What the CAD kernel calls invalid often converts as it is,
+    and what it calls valid often does not: a shape is repaired if that makes more faces right, or
+    if nobody else looks at them.
     """
     out, senses = _convert(shape, kind, options)
-    if options.heal and any(_bad(f) for f in out.faces):
+    invalid = not BRepCheck_Analyzer(shape).IsValid()
+    note = "invalid by the CAD kernel's own check, converted as it is" if invalid else ""
+    if options.heal and (any(map(_bad, out.faces)) or (invalid and not options.check_areas)):
         fixer = ShapeFix_Shape(shape)
         fixer.Perform()
         again, repaired_senses = _convert(fixer.Shape(), kind, options)
         before, after = sum(map(_bad, out.faces)), sum(map(_bad, again.faces))
-        if len(again.faces) == len(out.faces) and after < before:
-            again.notes.append(f"shape repaired by the CAD kernel ({before - after} faces)")
+        valid = invalid and BRepCheck_Analyzer(fixer.Shape()).IsValid()
+        if len(again.faces) == len(out.faces) and after < before + valid:
+            why = f"{before - after} more faces converted" if after < before else "it was invalid"
+            note = f"shape repaired by the CAD kernel: {why}"
             # Names, colours and `cad_face` know the faces as they came.
             again.shapes, out, senses = out.shapes, again, repaired_senses
+        elif before:
+            note = "repair by the CAD kernel makes no more faces right"
+    if note:
+        out.notes.append(note)
     if out.kind == "solid":
         _orient(out, senses)
     return out
@@ -167,11 +179,12 @@ def assemble(
     unit: str,
     started: float,
     read: float,
-    warnings: list[str],
+    notes: Sequence[str] = (),
 ) -> tuple[Model, list[list[Any]]]:
     """Model of the bodies, and the CAD faces of each part (without placement).
 
-    ``started`` and ``read`` are the clock's seconds before and after reading.
+    ``started`` and ``read`` are the clock's seconds before and after reading, ``notes`` what the
+    certificate tells of the file.
 
     Raises
     ------
@@ -183,7 +196,7 @@ def assemble(
     parts: list[Part] = []
     faces: list[Face] = []
     sets: list[PatchSet] = []
-    notes: list[str] = []
+    notes = list(notes)
     shapes: list[list[Any]] = []
     edge_base, area_seconds = 0, 0.0
     for row, body in enumerate(bodies):
@@ -237,7 +250,7 @@ def assemble(
             f"{sum(found.seconds for found in cached):.3g} s to convert at first"
         )
     patches = PatchSet.concatenated(*sets)
-    warnings = warnings + size_warnings(name, parts, patches) + _failures(parts, faces)
+    warnings = size_warnings(name, parts, patches) + _failures(parts, faces)
     certificate = Certificate(
         tuple(faces), tuple(p.path for p in parts),
         time.perf_counter() - started - area_seconds, tuple(notes), read - started, area_seconds,

@@ -68,7 +68,7 @@ def from_cadquery(
         model, shapes_of = assemble(
             bodies(found), name=label, metres=metres,
             options=Options(tolerance, angle_deg, True, check_areas, cache), source="cadquery",
-            sha256=_digest(found), unit=unit, started=started, read=started, warnings=[],
+            sha256=_digest(found), unit=unit, started=started, read=started,
         )  # fmt: skip
     except GeometryError as error:
         raise GeometryError(f"{label}: {error}") from None

@@ -43,7 +43,7 @@ def read(request: dict[str, Any]) -> tuple[Model, list[list[Any]]]:
         unit=unit,
         started=started,
         read=read_at,
-        warnings=[],
+        notes=request["notes"],
     )  # fmt: skip
 
 

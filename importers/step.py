@@ -19,6 +19,8 @@ from patchlight.solver.model import Model
 
 from . import kept, stored
 
+#: Geometry of triangles in AP242 files.
+TESSELLATED = (b"TESSELLATED_", b"TRIANGULATED_FACE")
 #: What the CAD kernel and Python say when memory ends.
 OUT_OF_MEMORY = ("bad_alloc", "OutOfMemory", "MemoryError", "allocate memory", "Memory allocation")
 
@@ -96,6 +98,7 @@ def read_step(
             return model
     request = {
         **options, "path": str(file), "sha256": hashlib.sha256(text).hexdigest(),
+        "notes": _remarks(text),
         "memory": available_bytes() if memory_gb is None else int(1e9 * memory_gb),
     }  # fmt: skip
     contents = _run(request, timeout_s)
@@ -131,9 +134,18 @@ def checked_content(file: Path) -> bytes:
         raise InputError(f"{file}: not a STEP file (it does not start with ISO-10303-21)")
     if b"END-ISO-10303-21" not in text[-4096:]:
         raise InputError(f"{file}: the STEP file is truncated (END-ISO-10303-21 is missing)")
-    if b"_FACE" not in text and b"TESSELLATED" in text:
+    if b"_FACE" not in text.replace(b"TRIANGULATED_FACE", b"") and any(
+        word in text for word in TESSELLATED
+    ):
         raise InputError(f"{file}: holds tessellated geometry only, no exact surfaces")
     return text
+
+
+def _remarks(text: bytes) -> list[str]:
+    """What is said of the content of a file besides what becomes of its faces."""
+    if any(word in text for word in TESSELLATED):
+        return ["the file also holds tessellated geometry, which is ignored"]
+    return []
 
 
 def _run(request: dict[str, Any], timeout_s: float) -> stored.Contents:

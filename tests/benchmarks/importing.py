@@ -109,7 +109,7 @@ def measured(path: Path, tolerance: float, angle_deg: float) -> dict[str, Any]:
         {
             "path": str(path), "scale": 1.0, "unit": None, "tolerance": tolerance,
             "angle_deg": angle_deg, "heal": True, "sha256": "", "check_areas": True,
-            "cache": False,
+            "cache": False, "notes": [],
         }
     )  # fmt: skip
     spent = time.process_time() - start

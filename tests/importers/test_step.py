@@ -196,6 +196,43 @@ def test_missing_and_unusable_files(tmp_path, room_file):
         assert name in str(caught.value) and "\n" not in str(caught.value)
 
 
+def tessellated(path, brep):
+    """File of a box as triangles, beside its surfaces or alone."""
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.Interface import Interface_Static
+    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Controller, STEPControl_Writer
+
+    STEPControl_Controller.Init_s()
+    before = {
+        k: Interface_Static.CVal_s(k) for k in ("write.step.tessellated", "write.step.schema")
+    }
+    shape = cq.Workplane().box(1, 1, 1).val().wrapped
+    BRepMesh_IncrementalMesh(shape, 0.1)
+    try:
+        Interface_Static.SetCVal_s("write.step.tessellated", "On")
+        Interface_Static.SetCVal_s("write.step.schema", "AP242DIS")
+        writer = STEPControl_Writer()
+        writer.Transfer(shape, STEPControl_AsIs)
+        writer.Write(str(path))
+    finally:
+        for name, value in before.items():
+            Interface_Static.SetCVal_s(name, value)
+    if not brep:
+        path.write_text(path.read_text().replace("ADVANCED_FACE", "GEOMETRIC_CURVE_SET"))
+    return path
+
+
+def test_triangles_beside_surfaces_are_ignored_with_a_note(tmp_path):
+    model = read_step(tessellated(tmp_path / "both.step", brep=True))
+    assert model.certificate.faces_exact == 6
+    assert any("tessellated geometry" in note for note in model.certificate.notes)
+
+
+def test_triangles_alone_are_refused(tmp_path):
+    with pytest.raises(InputError, match="tessellated geometry only"):
+        read_step(tessellated(tmp_path / "alone.step", brep=False))
+
+
 def test_wire_only_file_has_no_faces(tmp_path):
     path = tmp_path / "wire.step"
     cq.exporters.export(cq.Workplane().rect(1, 1), str(path))
