@@ -27,6 +27,7 @@ from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.sky import direction
 
 from .assigning import full_path
+from .coincident import with_one_of_each
 from .frames import part_placements, transformed_normals, transformed_points
 from .glazing import with_glass
 from .problems import Problems
@@ -63,7 +64,7 @@ def frozen_scene(scene: Scene) -> SceneData:
     problems.raise_any()
     data = dataclasses.replace(data, sensors=sensors)
     return dataclasses.replace(
-        data, notes=(*scene.notes, *lamp_notes, *grid_notes, *scene_notes(scene, data))
+        data, notes=(*scene.notes, *data.notes, *lamp_notes, *grid_notes, *scene_notes(scene, data))
     )
 
 
@@ -100,7 +101,7 @@ def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
         default_faces=slots.default_faces,
         title=scene.title or next(iter(scene.entries)),
     )
-    return slots, with_glass(data, slots.glass)
+    return slots, with_glass(with_one_of_each(data, slots.order), slots.glass)
 
 
 def _part_table(scene: Scene) -> tuple[tuple[ScenePart, ...], tuple[SceneFace, ...]]:

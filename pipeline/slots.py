@@ -34,6 +34,8 @@ class Slots:
         One a part and assignment.
     glass : list of Glass or None
         Of each face.
+    order : (f,) int array
+        Number of the last assignment to each face, −1 where there is none.
     """
 
     material: np.ndarray
@@ -42,6 +44,7 @@ class Slots:
     materials: tuple[Material, ...]
     lamps: list[tuple[int, Emitter]]
     glass: list[Glass | None]
+    order: np.ndarray
 
 
 def filled_slots(scene: Scene) -> Slots:
@@ -51,10 +54,12 @@ def filled_slots(scene: Scene) -> Slots:
     given: list[Material | Glass | None] = [None] * faces
     lamp_of_face = np.full(faces, -1)
     lamps: list[tuple[int, Emitter]] = []
-    for assignment in scene.assignments:
+    order = np.full(faces, -1)
+    for number, assignment in enumerate(scene.assignments):
         for match in matched_faces(scene.entries, assignment):
             part_row = part_start[match.entry] + match.part
             rows = face_start[match.entry] + np.asarray(match.rows)
+            order[rows] = number
             if isinstance(assignment.what, Emitter):
                 lamp_of_face[rows] = len(lamps)
                 lamps.append((part_row, assignment.what))
@@ -84,7 +89,7 @@ def filled_slots(scene: Scene) -> Slots:
         luminaire[row] = [
             lamp_of_face[row] if side in ("both", here) else -1 for here in ("front", "back")
         ]
-    return Slots(material, luminaire, default, tuple(table), lamps, glass)
+    return Slots(material, luminaire, default, tuple(table), lamps, glass, order)
 
 
 def _used(
