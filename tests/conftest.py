@@ -19,6 +19,9 @@ _BASE = Path(
 # Workers of pytest-xdist and child processes inherit the folder that the first process chose.
 os.environ["NUMBA_CACHE_DIR"] = str(_BASE if _BASE.name == _KEY else _BASE / _KEY)
 
+# Workers of pytest-xdist compile side by side as it is.
+os.environ.setdefault("PATCHLIGHT_COMPILE_PROCESSES", "0")
+
 # No test may open a window.
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
