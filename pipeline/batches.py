@@ -150,7 +150,7 @@ def _run_all(
         for item in items:
             futures.append(pool.submit(work, item))
             if not use_cache_folder()[1]:
-                # Else every worker would compile the same kernels at the same time.
+                # Else all would hold their models in memory while they wait for the same kernels.
                 wait(futures)
         for future in as_completed(futures):
             item = future.result()
