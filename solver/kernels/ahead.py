@@ -28,7 +28,7 @@ class Listed:
             kernel, signature = self.resolved()
             cache = kernel._cache
             self.is_done = cache.holds_code(signature, kernel.targetctx)
-            if self.is_done or not cache.take():
+            if self.is_done or not cache.take(signature):
                 return False
             kernel.compile(signature)  # which lets go of what was taken
         except Exception:  # a list that does not fit the kernels, a full disk: not done ahead
