@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import warnings
 from collections.abc import Callable, Iterable
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from patchlight.solver.cores import usable_cores
 from patchlight.solver.errors import InputError, MissingFileError, PatchlightWarning
 from patchlight.solver.numba_cache import use_cache_folder
 
@@ -102,9 +102,9 @@ def run_batch(
     if scene is not None and not scene.is_file():
         raise MissingFileError(f"{scene}: no such file")
     prepare_output(out, (), force=True)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    workers = min(jobs or cores or 1, len(files))
-    threads = max(1, (cores or 1) // workers)
+    cores = usable_cores()
+    workers = min(jobs or cores, len(files))
+    threads = max(1, cores // workers)
     options = ["--threads", str(threads), "--force", "--json"]
     settings: dict[str, Any] = {"accuracy": accuracy, "check": check}
     if accuracy is not None:
@@ -153,7 +153,7 @@ def _run_all(
         for item in items:
             futures.append(pool.submit(work, item))
             if not use_cache_folder()[1]:
-                # Else every worker would compile the same kernels at the same time.
+                # Else all would hold their models in memory while they wait for the same kernels.
                 wait(futures)
         for future in as_completed(futures):
             item = future.result()

@@ -253,6 +253,8 @@ def demo(
     verbose
         Say what is being done.
     """
+    from patchlight.solver.compile_ahead import compile_ahead
+
     from .demo import demo_files, write_demo
     from .output import prepare_output
     from .runs import RunOptions, run_file
@@ -263,6 +265,7 @@ def demo(
         own = demo_files(name)
         models = [output / file for file in own if not file.endswith(".toml")]
         prepare_output(output, models, force=force, own=own)
+        compile_ahead()
         talk.progress("building the demo model", 0, 1)
         scene = write_demo(name, output)
         options = RunOptions(output, accuracy, threads, pdf=pdf, force=force, own_files=own)

@@ -12,12 +12,12 @@ LIBRARIES = ("cadquery", "cadquery-ocp", "numpy", "numba", "scipy", "pyvista", "
 def doctor_lines() -> list[str]:
     """One line a finding; loads no heavy library."""
     from patchlight.reports import pdf_status, rendering_status
+    from patchlight.solver.cores import usable_cores
     from patchlight.solver.numba_cache import is_compiling_off, use_cache_folder
 
     lines = [f"patchlight {version('patchlight')}, Python {platform.python_version()}"]
     lines.append("libraries: " + ", ".join(f"{name} {version(name)}" for name in LIBRARIES))
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    lines.append(f"threads: {usable} of {os.cpu_count()} cores usable")
+    lines.append(f"threads: {usable_cores()} of {os.cpu_count()} cores usable")
     for what, (can, why) in (("pictures", rendering_status()), ("PDF", pdf_status())):
         lines.append(f"{what}: {'yes' if can else 'no'}, {why}")
     folder, warm = use_cache_folder()

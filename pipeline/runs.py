@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from patchlight.solver.compile_ahead import compile_ahead
 from patchlight.solver.effort import check_effort
 from patchlight.solver.errors import InputError, MissingFileError
 from patchlight.solver.model import Result
 
 from .output import prepare_output
 from .scene import Scene
-from .simulation import compiling_is_news, simulate, with_requirements
+from .simulation import COMPILING, compiling_is_news, simulate, with_requirements
 
 if TYPE_CHECKING:
     from .scene_schema import SceneFile
@@ -62,6 +63,7 @@ def run_file(path: Path, options: RunOptions, talk: Talk) -> Run:
     check_effort(options.accuracy, options.threads)
     if not path.exists():
         raise MissingFileError(f"{path}: no such file")
+    compile_ahead()
     folder = options.output or Path(f"{path.stem}-patchlight")
     is_new = not folder.exists()
     try:
@@ -177,7 +179,7 @@ def _prepare(folder: Path, inputs: Iterable[Path], options: RunOptions) -> None:
 
 def _announce_kernels(talk: Talk) -> None:
     if compiling_is_news():
-        talk.note("the kernels are compiled on the way, once")
+        talk.note(COMPILING)
 
 
 def _refuse(options: RunOptions, keys: tuple[str, ...], why: str) -> None:

@@ -8,12 +8,15 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+from patchlight.solver.compile_ahead import compile_ahead
 from patchlight.solver.effort import check_effort
 from patchlight.solver.model import Result, SceneData
 
 from .scene import Scene
 
 Progress = Callable[[str, int, int], None]
+#: What is said where kernels are not compiled yet.
+COMPILING = "the kernels are compiled on the way, once"
 #: Folders without compiled kernels that this process was told of.
 _SAID: set[Path] = set()
 
@@ -123,7 +126,7 @@ def _now() -> str:
 
 
 def announce_kernels(progress: Progress | None) -> None:
-    """Choose the folder of compiled kernels, and say once when they must be compiled first.
+    """Choose the folder of compiled kernels; see that they are compiled, and say so, once.
 
     To ``progress``, else on stderr: a script would seem to hang.
     """
@@ -132,14 +135,12 @@ def announce_kernels(progress: Progress | None) -> None:
     if progress is not None:
         progress("compiling kernels (once)", 0, 1)
     else:
-        print("patchlight: the kernels are compiled on the way, once", file=sys.stderr)
+        print(f"patchlight: {COMPILING}", file=sys.stderr)
 
 
 def compiling_is_news() -> bool:
     """Whether kernels are compiled from here on; True only the first time, for who will tell it."""
-    from patchlight.solver.numba_cache import use_cache_folder
-
-    folder, warm = use_cache_folder()
+    folder, warm = compile_ahead()
     if warm or folder in _SAID:
         return False
     _SAID.add(folder)

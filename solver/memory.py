@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from .control_groups import control_groups, read_text
 from .errors import OutOfMemoryError
 
 #: Bytes that a pair of receiver and element takes at the worst moment, while rows are corrected:
@@ -37,6 +38,11 @@ UNKNOWN_BYTES = 10_000
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
 SMALL_MATRIX = 1_000_000
 GB = 1e9
+#: Limit, use and what of it only caches files, of a control group of each version.
+_GROUP_FILES = {
+    2: ("memory.max", "memory.current", "inactive_file"),
+    1: ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+}
 
 
 def varying_bytes(basis: str, more: int = 0) -> int:
@@ -185,7 +191,7 @@ def available_bytes(root: Path = Path("/")) -> int | None:
 
 
 def _machine(root: Path) -> int | None:
-    for line in _text(root / "proc/meminfo").splitlines():
+    for line in read_text(root / "proc/meminfo").splitlines():
         if line.startswith("MemAvailable:"):
             return int(line.split()[1]) * 1024
     try:
@@ -195,31 +201,12 @@ def _machine(root: Path) -> int | None:
 
 
 def _groups(root: Path) -> Iterator[int | None]:
-    """What each control group over the process still allows; versions 2 and 1."""
-    for line in _text(root / "proc/self/cgroup").splitlines():
-        _, controllers, path = line.split(":", 2)
-        if not controllers:
-            names = ("memory.max", "memory.current", "inactive_file")
-            yield from _limits(root / "sys/fs/cgroup", path, names)
-        elif "memory" in controllers.split(","):
-            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-            yield from _limits(root / "sys/fs/cgroup/memory", path, names)
-
-
-def _limits(mount: Path, path: str, names: tuple[str, str, str]) -> Iterator[int | None]:
-    """Of the group at ``path`` and of all above it; in a container only the last is there."""
-    steps = [step for step in path.split("/") if step and step != ".."]
-    for depth in range(len(steps), -1, -1):
-        folder = mount.joinpath(*steps[:depth])
-        limit, used = (_text(folder / name).strip() for name in names[:2])
+    """What each control group over the process still allows."""
+    for version, folder in control_groups(root, "memory"):
+        limit_name, used_name, cached_name = _GROUP_FILES[version]
+        limit, used = (read_text(folder / name).strip() for name in (limit_name, used_name))
         if not (limit.isdigit() and used.isdigit()):  # "max" or no such group
             continue
-        stat = dict(line.split(" ", 1) for line in _text(folder / "memory.stat").splitlines())
-        yield int(limit) - int(used) + int(stat.get(names[2], 0))
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii", errors="replace")
-    except OSError:
-        return ""
+        text = read_text(folder / "memory.stat")
+        stat = dict(line.split(" ", 1) for line in text.splitlines())
+        yield int(limit) - int(used) + int(stat.get(cached_name, 0))

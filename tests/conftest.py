@@ -23,6 +23,8 @@ os.environ["NUMBA_CACHE_DIR"] = str(_BASE if _BASE.name == _KEY else _BASE / _KE
 if "PYTEST_XDIST_WORKER" not in os.environ:
     _CONVERTED = tempfile.TemporaryDirectory(prefix="patchlight-cache-")
     os.environ["PATCHLIGHT_CACHE_DIR"] = _CONVERTED.name
+# Workers of pytest-xdist compile side by side as it is.
+os.environ.setdefault("PATCHLIGHT_COMPILE_PROCESSES", "0")
 
 # No test may open a window.
 os.environ.setdefault("MPLBACKEND", "Agg")

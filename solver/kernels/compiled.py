@@ -1,25 +1,26 @@
 """How kernels are compiled: kept on disk, and with division as IEEE 754 has it."""
 
+import importlib
+
 import numba as nb
 
-#: Versions of Numba, (major, minor), whose inner classes `parts` was tested with. One is added when
-#: all tests of the solver pass with it.
-TESTED_WITH_PARTS = ((0, 68),)
+#: Versions of Numba, (major, minor), that `parts` and `shared_cache` were tested with. Both build
+#: on its inner classes. One is added when all tests of the solver pass with it.
+TESTED_VERSIONS = ((0, 68),)
 
 
-def _parts():
-    """The module `parts`; None, and kernels are compiled as Numba does, which only takes longer."""
-    if nb.config.DISABLE_JIT or nb.version_info.short not in TESTED_WITH_PARTS:
+def _built_on_numba(name):
+    """The module `parts` or `shared_cache`; None, and Numba does as it does, which takes longer."""
+    if nb.config.DISABLE_JIT or nb.version_info.short not in TESTED_VERSIONS:
         return None
     try:
-        from . import parts
-
-        return parts if parts.is_possible() else None
+        module = importlib.import_module(f".{name}", __package__)
+        return module if module.is_possible() else None
     except Exception:  # whatever comes of inner classes that have changed after all
         return None
 
 
-_PARTS = _parts()
+_PARTS, _SHARED_CACHE = _built_on_numba("parts"), _built_on_numba("shared_cache")
 #: There is no C code that could call a kernel.
 _ALL = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -27,12 +28,13 @@ _ALL = {"error_model": "numpy", "no_cfunc_wrapper": True}
 def _compiled(**options):
     """Decorator of kernels."""
     options |= _ALL
-    if _PARTS is None:
-        return nb.njit(cache=True, **options)
+    whole_options = {} if _PARTS is None else {"pipeline_class": _PARTS.WholeCompiler}
 
     def compile_kernel(function):
-        whole = nb.njit(cache=True, pipeline_class=_PARTS.WholeCompiler, **options)(function)
-        if options.get("parallel"):
+        whole = nb.njit(cache=True, **whole_options, **options)(function)
+        if _SHARED_CACHE is not None:
+            _SHARED_CACHE.share(whole)
+        if _PARTS is None or options.get("parallel"):
             return whole
         part = nb.njit(pipeline_class=_PARTS.PartCompiler, no_cpython_wrapper=True, **options)
         return _PARTS.callable_from_both(whole, part(function))

@@ -19,6 +19,8 @@ from numba.core import codegen, compiler, dispatcher, typed_passes
 from numba.core.compiler_machinery import register_pass
 from numba.core.environment import lookup_environment
 
+from .known_calls import InferTypes
+
 #: What is taken of a library and of a dispatcher.
 _LIBRARY = (
     "_codegen",
@@ -170,15 +172,15 @@ def _set_environments(state):
 
 
 class _Compiler(compiler.Compiler):
-    """Numba's compiler with another way of lowering."""
+    """Numba's compiler with other passes in the place of some."""
 
-    lowering = {}
+    passes = {}
 
     def define_pipelines(self):
-        """As Numba's, but for lowering."""
+        """As Numba's, but for these passes."""
         managers = super().define_pipelines()
         for manager in managers:
-            manager.passes = [(self.lowering.get(p, p), name) for p, name in manager.passes]
+            manager.passes = [(self.passes.get(p, p), name) for p, name in manager.passes]
             manager.finalize()
         return managers
 
@@ -186,7 +188,8 @@ class _Compiler(compiler.Compiler):
 class WholeCompiler(_Compiler):
     """Of functions that Python calls."""
 
-    lowering = {
+    passes = {
+        typed_passes.NopythonTypeInference: InferTypes,
         typed_passes.NativeLowering: LowerWhole,
         typed_passes.NativeParforLowering: LowerLoops,
     }
@@ -195,7 +198,10 @@ class WholeCompiler(_Compiler):
 class PartCompiler(_Compiler):
     """Of functions that compiled code calls."""
 
-    lowering = {typed_passes.NativeLowering: LowerPart}
+    passes = {
+        typed_passes.NopythonTypeInference: InferTypes,
+        typed_passes.NativeLowering: LowerPart,
+    }
 
 
 def callable_from_both(whole, part):

@@ -15,7 +15,7 @@ import pytest
 from patchlight.pipeline import simulation
 from patchlight.pipeline.doctoring import doctor_lines
 from patchlight.pipeline.simulation import announce_kernels
-from patchlight.solver import numba_cache
+from patchlight.solver import compile_ahead, numba_cache
 
 PACKAGES = ("importers", "pipeline", "reports", "solver", "solver.model")
 
@@ -76,8 +76,13 @@ def test_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
     assert not warm
 
 
-def test_first_run_says_once_that_it_compiles(tmp_path, monkeypatch, capsys):
+def forget_what_was_said(monkeypatch):
     monkeypatch.setattr(simulation, "_SAID", set())
+    monkeypatch.setattr(compile_ahead, "_LOOKED_AT", {})
+
+
+def test_first_run_says_once_that_it_compiles(tmp_path, monkeypatch, capsys):
+    forget_what_was_said(monkeypatch)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     if (numba := sys.modules.get("numba")) is not None:
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
@@ -87,12 +92,16 @@ def test_first_run_says_once_that_it_compiles(tmp_path, monkeypatch, capsys):
     for progress in (None, None, lambda *state: told.append(state)):
         announce_kernels(progress)
     assert capsys.readouterr().err.count("compiled") == 1 and not told
-    simulation._SAID.clear()
+    forget_what_was_said(monkeypatch)
     for progress in (lambda *state: told.append(state), lambda *state: told.append(state), None):
         announce_kernels(progress)
     assert told == [("compiling kernels (once)", 0, 1)] and not capsys.readouterr().err
-    simulation._SAID.clear()
-    (tmp_path / "kernel.nbi").touch()
+    forget_what_was_said(monkeypatch)
+    compile_ahead.compile_ahead()
+    (tmp_path / "kernel.nbi").touch()  # as other processes do in the meantime
+    announce_kernels(None)
+    assert capsys.readouterr().err.count("compiled") == 1
+    forget_what_was_said(monkeypatch)
     announce_kernels(None)
     assert not capsys.readouterr().err
 
@@ -103,7 +112,7 @@ def test_nobody_says_that_it_compiles_where_nothing_is(
     value, said, imported, tmp_path, monkeypatch, capsys
 ):
     """Numba reads numbers only: of other values it warns, and compiles."""
-    monkeypatch.setattr(simulation, "_SAID", set())
+    forget_what_was_said(monkeypatch)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", value)
     if imported:

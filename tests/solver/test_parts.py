@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import operator
 import os
 import subprocess
 import sys
@@ -13,8 +14,9 @@ import numba as nb
 import numpy as np
 import pytest
 from numba import config
-from numba.core import codegen
-from patchlight.solver.kernels import compiled
+from numba.core import codegen, types
+from numba.core.typing.context import BaseContext
+from patchlight.solver.kernels import compiled, known_calls
 
 KERNELS = """
 import math
@@ -93,7 +95,7 @@ def optimised(monkeypatch):
 
 def test_installed_numba_is_one_that_parts_were_tested_with():
     """With another, all the solver's tests pass before its version is added."""
-    assert nb.version_info.short in compiled.TESTED_WITH_PARTS
+    assert nb.version_info.short in compiled.TESTED_VERSIONS
     assert compiled._PARTS is not None
 
 
@@ -110,11 +112,27 @@ def test_only_what_python_calls_is_optimised(load, optimised):
     assert {"highest", "lowest"} <= set(optimised) and "middle" not in optimised
 
 
+def test_types_of_operators_are_found_once(load, monkeypatch):
+    """Of the products of numbers there are two, in two functions; Numba would ask for each."""
+    asked, inner = [], BaseContext.resolve_function_type
+
+    def count(context, func, args, kws):
+        asked.append((getattr(func, "typing_key", func), tuple(args)))
+        return inner(context, func, args, kws)
+
+    monkeypatch.setattr(BaseContext, "resolve_function_type", count)
+    monkeypatch.setattr(known_calls, "_KNOWN", {})
+    some = load()
+    assert some.highest(VALUES[0], 1) == pytest.approx(expected(VALUES[0]), rel=1e-14)
+    products = (operator.mul, (types.float64, types.float64))
+    assert asked.count(products) == 1
+
+
 @pytest.mark.parametrize("library", [object(), None], ids=["other attributes", "other arguments"])
 def test_inner_classes_are_looked_at_before_they_are_taken(library, monkeypatch):
     make = library and (lambda self, name: library)
     monkeypatch.setattr(codegen.JITCPUCodegen, "create_library", make)
-    assert compiled._parts() is None
+    assert compiled._built_on_numba("parts") is None
 
 
 def test_errors_of_parts_reach_python(load):
