@@ -41,16 +41,13 @@ from .renewed import renewed_rows
 from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .rule_error import OF_RULES, rule_error
-from .shut_in import hide, shut_in
+from .shut_in import Hidden, hide, same_hidden, shut_in
 from .sights import unsighted, with_sights
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
 from .topology import is_single
 from .unknowns import Unknowns
-
-#: Elements that no light reaches, if there are any.
-Hidden = NDArray[np.bool_] | None
 
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
@@ -247,11 +244,15 @@ class FieldSolver:
                     now, out = self._renewed(old[0], asked, changed, tell), old[1]
                     if now is None or self._sees_out(now, unknowns.areas > 0.0) != out:
                         return None
-                    if old[3] is not None or self._shut_in(now, unknowns, lamps) is not None:
-                        return None  # what is moved may shut in more, or less
+                    hidden = self._shut_in(now, unknowns, lamps)
+                    if not same_hidden(hidden, old[3]):
+                        return None  # what is moved shuts in more, or less
+                    if hidden is not None:
+                        hide(now, hidden)
                     raw, at = old[2].copy(), np.flatnonzero(changed.again)
-                    raw[at] = self._close_again(now, at, asked, 1.0, outside=out)
-                    return now, out, raw, None
+                    of = replace(asked, hidden=hidden)
+                    raw[at] = self._close_again(now, at, of, 1.0, outside=out)
+                    return now, out, raw, hidden
 
                 rows, sees_out, raw, hidden = self.kept.rows(
                     "form factors", asked, (lamps,), find, self._under_sky, renew
