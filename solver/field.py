@@ -35,6 +35,7 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .moved import Changed
+from .moved_elements import kept_elements
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
 from .renewed import renewed_rows
@@ -199,9 +200,7 @@ class FieldSolver:
     def solve(self, budget: Budget, boxes: Boxes) -> Field:
         """Solve on elements over ``boxes``."""
         with self.stages.run("elements"):
-            elements = self.kept.find(
-                "elements", (budget, boxes), lambda: self.mesher.elements(budget, boxes)
-            )
+            elements = kept_elements(self.kept, self.mesher, budget, boxes)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
             fineness = self._fineness(budget, surfaces)
             if self.mesh_before is not None:
@@ -255,7 +254,13 @@ class FieldSolver:
                     return now, out, raw, hidden
 
                 rows, sees_out, raw, hidden = self.kept.rows(
-                    "form factors", asked, (lamps,), find, self._under_sky, renew
+                    "form factors",
+                    asked,
+                    (lamps,),
+                    find,
+                    self._under_sky,
+                    renew,
+                    sees_out=lambda old: old[1],
                 )
                 if self.trace and not self.panes.any:
                     shut = 0 if hidden is None else int(hidden.sum())
@@ -362,7 +367,13 @@ class FieldSolver:
             return (now,)
 
         (rows,) = self.kept.rows(
-            "iterated gather", asked, (field.sees_out, field.hidden), find, self._under_sky, renew
+            "iterated gather",
+            asked,
+            (field.sees_out, field.hidden),
+            find,
+            self._under_sky,
+            renew,
+            sees_out=lambda old: field.sees_out,
         )
         rows = self._through_panes(rows, asked, field.surfaces)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
@@ -413,7 +424,13 @@ class FieldSolver:
                 return (now,)
 
             (rows,) = self.kept.rows(
-                "sensors", asked, (closed, field.hidden), find, renew=renew, which=grid.name
+                "sensors",
+                asked,
+                (closed, field.hidden),
+                find,
+                renew=renew,
+                sees_out=lambda old: field.sees_out,
+                which=grid.name,
             )
         rows = self._through_panes(rows, asked, field.surfaces)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
