@@ -59,6 +59,9 @@ BRIGHT = 4.0
 POINT_SHARE = 2.5
 #: The same of large meshes, whose elements pave what is far off: errors of neighbours cancel.
 POINT_SHARE_OF_MANY = 25.0
+#: Share of rows above which the others are closed once more with them: these do so already, and to
+#: part them takes longer.
+NEARLY_ALL = 0.75
 #: Elements of large meshes get the light of lamps at many points down to this share of the aimed
 #: size.
 AVERAGED = 0.25
@@ -515,8 +518,9 @@ class FieldSolver:
         self, rows: Rows, at: IntArray, asked: Ask, totals: FloatArray | float, **how: Any
     ) -> FloatArray:
         """Close some of the ``rows``, in place; see `RowFinder.close`."""
-        if len(at) == len(rows.factors):
-            return self._factors.close(rows, totals, asked, **how)
+        count = len(rows.factors)
+        if len(at) == count or (np.ndim(totals) == 0 and len(at) > NEARLY_ALL * count):
+            return self._factors.close(rows, totals, asked, **how)[at]
         part = rows.take(at)
         sums = self._factors.close(part, totals, asked.taken(at), **how)
         rows.put(at, part)

@@ -209,3 +209,37 @@ def test_what_is_shut_in_stays_so_when_something_else_moves():
     found = [r.counters["pairs_scanned"] for r in (again, own)]
     assert found[0] < 0.5 * found[1]
     assert off(again, own) < 1.0
+
+
+def test_a_view_holds_all_that_is_wanted_and_its_meridians_all_of_it():
+    """Random balls before a point, some of them wanted; directions to these are in the cone."""
+    from patchlight.solver.kernels.cuts import tangent_frame
+    from patchlight.solver.kernels.meridian import want_lines
+    from patchlight.solver.kernels.rows import view_of_wanted
+
+    rng = np.random.default_rng(5)
+    narrow = 0
+    for _ in range(200):
+        middle = rng.normal(size=3)
+        centers = 3.0 * middle / np.linalg.norm(middle) + rng.normal(size=(6, 3))
+        balls = np.column_stack([centers, rng.uniform(0.01, 0.5, 6)])
+        wanted = np.arange(6) < 4
+        view, lines = np.empty(7), np.empty(48, dtype=bool)
+        view_of_wanted(np.zeros(3), balls[:5], wanted[:5], balls[5:], view)
+        towards = rng.normal(size=(6, 400, 3))
+        towards *= balls[:, None, 3:] / np.linalg.norm(towards, axis=2, keepdims=True)
+        places = (balls[:, None, :3] + towards)[[0, 1, 2, 3, 5]].reshape(-1, 3)
+        n = rng.normal(size=3)
+        n /= np.linalg.norm(n)
+        frame = np.empty((2, 3))
+        tangent_frame(n, 0.3, frame)
+        want_lines(view, n, frame, lines)
+        turn = np.arctan2(places @ frame[1], places @ frame[0]) / (2.0 * np.pi) % 1.0 * len(lines)
+        before = turn.astype(int) % len(lines)
+        assert lines[before].all() and lines[(before + 1) % len(lines)].all()
+        if view[3] > 1.0:
+            assert lines.all()
+            continue
+        assert (places @ view[:3] >= view[4] * np.linalg.norm(places, axis=1)).all()
+        narrow += not lines.all()
+    assert narrow > 50
