@@ -161,7 +161,7 @@ def mesher_of(made, store):
 @pytest.mark.parametrize("height", [0.0, 0.01, 0.41])
 def test_elements_are_those_that_are_made_anew(height):
     """The seat stands on the floor, within another one, or on that: each buries something."""
-    before, after = room(FIRST, (0.0, 0.0, 0.0)), room(FIRST, (0.9, 1.2 - 0.4, height))
+    before, after = room(FIRST, (0.0, 0.0, 0.0)), room(FIRST, (0.9, 1.1, height))
     budget = Budget.of(before, ACCURACY)
     boxes = Boxes.regular(budget.divisions, before.two_sided)
     for made in (before, after):
