@@ -35,22 +35,20 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .moved import Changed
+from .moved_elements import kept_elements
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
 from .renewed import renewed_rows
 from .reuse import Kept, Mesh
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .rule_error import OF_RULES, rule_error
-from .shut_in import hide, shut_in
+from .shut_in import Hidden, hide, same_hidden, shut_in
 from .sights import unsighted, with_sights
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .tables import make_facets, meridians
 from .topology import is_single
 from .unknowns import Unknowns
-
-#: Elements that no light reaches, if there are any.
-Hidden = NDArray[np.bool_] | None
 
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
@@ -61,6 +59,9 @@ BRIGHT = 4.0
 POINT_SHARE = 2.5
 #: The same of large meshes, whose elements pave what is far off: errors of neighbours cancel.
 POINT_SHARE_OF_MANY = 25.0
+#: Share of rows above which the others are closed once more with them: these do so already, and to
+#: part them takes longer.
+NEARLY_ALL = 0.75
 #: Elements of large meshes get the light of lamps at many points down to this share of the aimed
 #: size.
 AVERAGED = 0.25
@@ -202,9 +203,7 @@ class FieldSolver:
     def solve(self, budget: Budget, boxes: Boxes) -> Field:
         """Solve on elements over ``boxes``."""
         with self.stages.run("elements"):
-            elements = self.kept.find(
-                "elements", (budget, boxes), lambda: self.mesher.elements(budget, boxes)
-            )
+            elements = kept_elements(self.kept, self.mesher, budget, boxes)
             surfaces = Surfaces.of(self.scene, elements, self.bands)
             fineness = self._fineness(budget, surfaces)
             if self.mesh_before is not None:
@@ -247,14 +246,24 @@ class FieldSolver:
                     now, out = self._renewed(old[0], asked, changed, tell), old[1]
                     if now is None or self._sees_out(now, unknowns.areas > 0.0) != out:
                         return None
-                    if old[3] is not None or self._shut_in(now, unknowns, lamps) is not None:
-                        return None  # what is moved may shut in more, or less
+                    hidden = self._shut_in(now, unknowns, lamps)
+                    if not same_hidden(hidden, old[3]):
+                        return None  # what is moved shuts in more, or less
+                    if hidden is not None:
+                        hide(now, hidden)
                     raw, at = old[2].copy(), np.flatnonzero(changed.again)
-                    raw[at] = self._close_again(now, at, asked, 1.0, outside=out)
-                    return now, out, raw, None
+                    of = replace(asked, hidden=hidden)
+                    raw[at] = self._close_again(now, at, of, 1.0, outside=out)
+                    return now, out, raw, hidden
 
                 rows, sees_out, raw, hidden = self.kept.rows(
-                    "form factors", asked, (lamps,), find, self._under_sky, renew
+                    "form factors",
+                    asked,
+                    (lamps,),
+                    find,
+                    self._under_sky,
+                    renew,
+                    sees_out=lambda old: old[1],
                 )
                 if self.trace and not self.panes.any:
                     shut = 0 if hidden is None else int(hidden.sum())
@@ -361,7 +370,13 @@ class FieldSolver:
             return (now,)
 
         (rows,) = self.kept.rows(
-            "iterated gather", asked, (field.sees_out, field.hidden), find, self._under_sky, renew
+            "iterated gather",
+            asked,
+            (field.sees_out, field.hidden),
+            find,
+            self._under_sky,
+            renew,
+            sees_out=lambda old: field.sees_out,
         )
         rows = self._through_panes(rows, asked, field.surfaces)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
@@ -412,7 +427,13 @@ class FieldSolver:
                 return (now,)
 
             (rows,) = self.kept.rows(
-                "sensors", asked, (closed, field.hidden), find, renew=renew, which=grid.name
+                "sensors",
+                asked,
+                (closed, field.hidden),
+                find,
+                renew=renew,
+                sees_out=lambda old: field.sees_out,
+                which=grid.name,
             )
         rows = self._through_panes(rows, asked, field.surfaces)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)
@@ -497,8 +518,9 @@ class FieldSolver:
         self, rows: Rows, at: IntArray, asked: Ask, totals: FloatArray | float, **how: Any
     ) -> FloatArray:
         """Close some of the ``rows``, in place; see `RowFinder.close`."""
-        if len(at) == len(rows.factors):
-            return self._factors.close(rows, totals, asked, **how)
+        count = len(rows.factors)
+        if len(at) == count or (np.ndim(totals) == 0 and len(at) > NEARLY_ALL * count):
+            return self._factors.close(rows, totals, asked, **how)[at]
         part = rows.take(at)
         sums = self._factors.close(part, totals, asked.taken(at), **how)
         rows.put(at, part)

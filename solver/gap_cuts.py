@@ -11,16 +11,21 @@ close before it, along the normal, and are cut where that leaves the least varia
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .budget import Budget
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray
+from .model.bezier import sub_nets
 from .model.patches import PatchSet
 from .model.scene import SceneData
+from .moved import moved_patches, places_of
 from .raycast import RayCaster
 from .refinement import CUT, best_cut, equal_parts, points_in
 from .surfaces import reflectances
+from .topology import bounding_spheres
 
 #: Width of a gap against the size that elements are aimed to have, and length of the boxes that are
 #: asked against it: in smaller ones light can be told to vary.
@@ -64,17 +69,66 @@ def with_gaps(boxes: Boxes, scene: SceneData, budget: Budget) -> tuple[Boxes, in
     return others.joined(own)[0], len(own) - len(rows)
 
 
-def left_in_gaps(boxes: Boxes, scene: SceneData, budget: Budget) -> float:
-    """What ``boxes`` leave of the light in gaps, against what `with_gaps` would."""
-    gaps = _Gaps(scene, WIDTH * budget.size)
-    own = boxes.take(gaps.large(boxes))
-    if not len(own):
-        return 0.0
+@dataclass(frozen=True, slots=True, eq=False)
+class InGaps:
+    """What boxes leave of the light in gaps.
+
+    Attributes
+    ----------
+    nets : (p, 4, 4, 4) array
+        Control nets of the patches.
+    rows : (k,) int array
+        Boxes that were asked.
+    wrong : (k,) array
+        Reflecting area of each that is not as the mean of it. [m²]
+    allowed : float
+        Sum of it that may be left. [m²]
+    """
+
+    nets: FloatArray
+    rows: IntArray
+    wrong: FloatArray
+    allowed: float
+
+    @property
+    def left(self) -> float:
+        """What is left against what may be."""
+        return float(self.wrong.sum()) / self.allowed if len(self.rows) else 0.0
+
+
+def in_gaps(boxes: Boxes, scene: SceneData, budget: Budget, before: InGaps | None) -> InGaps:
+    """What ``boxes`` leave of the light in gaps, against what `with_gaps` would.
+
+    Parameters
+    ----------
+    boxes : Boxes
+        A mesh.
+    scene : SceneData
+        What is meshed.
+    budget : Budget
+        Its tolerances.
+    before : InGaps or None
+        Of the same boxes and paint, some parts having stood elsewhere: only boxes that these come
+        near are asked again.
+    """
+    gaps, nets = _Gaps(scene, WIDTH * budget.size), scene.patches.control_points
+    rows = gaps.large(boxes)
+    own = boxes.take(rows)
     # Of the boxes that it would begin with: fewer are large once they are cut.
     regular = Boxes.regular(budget.divisions, scene.two_sided)
-    total = gaps.reflecting(regular.take(gaps.large(regular)))
-    allowed = max(SHARE * budget.accuracy * float(total.sum()), _TINY)
-    return float(gaps.judge(own)[0].sum()) / allowed
+    if before is None or not np.array_equal(before.rows, rows):
+        total = gaps.reflecting(regular.take(gaps.large(regular))) if len(rows) else np.zeros(0)
+        allowed = max(SHARE * budget.accuracy * float(total.sum()), _TINY)
+        return InGaps(nets, rows, gaps.judge(own)[0], allowed)
+    dirty = moved_patches(before.nets, nets)
+    again = dirty[own.patch]
+    spheres = bounding_spheres(sub_nets(nets[own.patch], own.ends))
+    for ball in places_of(before.nets, nets, dirty, scene.patches.part_index).patches:
+        away = np.linalg.norm(spheres[:, :3] - ball[:3], axis=1)
+        again |= away <= spheres[:, 3] + ball[3] + 2.0 * gaps.width
+    wrong = before.wrong.copy()
+    wrong[again] = gaps.judge(own.take(np.flatnonzero(again)))[0]
+    return InGaps(nets, rows, wrong, before.allowed)
 
 
 class _Gaps:
@@ -83,7 +137,7 @@ class _Gaps:
     def __init__(self, scene: SceneData, width: float) -> None:
         self.patches: PatchSet = scene.without_panes.patches
         self.width, self.reflectance = width, reflectances(scene)
-        self._caster = RayCaster(self.patches)
+        self._caster: RayCaster | None = None
 
     def large(self, boxes: Boxes) -> IntArray:
         """Rows of the boxes that are asked: those that are large, opaque and not black."""
@@ -132,6 +186,8 @@ class _Gaps:
     ) -> tuple[FloatArray, FloatArray]:
         """How narrow (n, k²) the gap before places of boxes is, 0 … 1, and area about each. [m²]"""
         points, normals, areas, _ = points_in(self.patches, boxes, t, weight)
+        if self._caster is None:
+            self._caster = RayCaster(self.patches)
         start = points + LIFT * self.width * normals
         hits = self._caster.first_hit(
             start.reshape(-1, 3), self.width * normals.reshape(-1, 3), t_max=1.0

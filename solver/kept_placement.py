@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
+from numpy.typing import NDArray
 
 from .containment import Containment
 from .model.arrays import FloatArray
 from .model.scene import SceneData
-from .moved import balls_about, moved_patches
+from .moved import moved_patches, places_of
 from .placement import check_placement
 from .reuse import Kept
 from .topology import bounding_spheres
@@ -21,8 +20,8 @@ NEAR = 1e-4
 def placement_remarks(scene: SceneData, tester: Containment, kept: Kept) -> tuple[str, ...]:
     """As `check_placement`: nothing is asked twice of the same scene, whatever its lamps' flux.
 
-    Where nothing was wrong, and parts have moved that neither are lamps nor come near any, lamps
-    are not asked about at all.
+    Where nothing was wrong, and parts have moved that come near no lamp, only cameras and sensors
+    are asked about that these may hold.
     """
     lamps = [(lamp.part, lamp.area_m2) for lamp in scene.luminaires]
     flux = [lamp.flux_lm for lamp in scene.luminaires]
@@ -30,10 +29,8 @@ def placement_remarks(scene: SceneData, tester: Containment, kept: Kept) -> tupl
 
     def find() -> tuple[str, ...]:
         before = kept.of_parts("placement", at)
-        if before is None or _lamps_may_differ(scene, before):
-            return check_placement(scene, tester)
-        dark = np.full_like(scene.luminaire_index, -1)
-        return check_placement(replace(scene, luminaires=(), luminaire_index=dark), tester)
+        same = before is not None and not _may_differ(scene, tester, before)
+        return () if same else check_placement(scene, tester)
 
     lines, told = kept.find("placement", at, lambda: (find(), flux))
     if not lines:
@@ -41,8 +38,11 @@ def placement_remarks(scene: SceneData, tester: Containment, kept: Kept) -> tupl
     return lines if not lines or told == flux else check_placement(scene, tester)
 
 
-def _lamps_may_differ(scene: SceneData, before: FloatArray) -> bool:
-    """Whether moved parts may come to lamps, control nets having been ``before`` (p, 4, 4, 4)."""
+def _may_differ(scene: SceneData, tester: Containment, before: FloatArray) -> bool:
+    """Whether parts that have moved may come to lamps, or hold a camera or sensor.
+
+    Control nets were ``before`` (p, 4, 4, 4).
+    """
     nets, part = scene.patches.control_points, scene.patches.part_index
     dirty = moved_patches(before, nets)
     lit = (scene.luminaire_index >= 0).any(axis=1)
@@ -54,7 +54,22 @@ def _lamps_may_differ(scene: SceneData, before: FloatArray) -> bool:
     if (dirty & (lit | air[part])).any() or not np.array_equal(ends[0], ends[1]):
         return True
     near = NEAR * float(np.linalg.norm(ends[1][1] - ends[1][0]))
-    spheres = bounding_spheres(np.ascontiguousarray(nets[lit]))
-    balls = balls_about(before, nets, dirty, part)[2]
-    away = np.linalg.norm(spheres[:, None, :3] - balls[None, :, :3], axis=2)
-    return bool((away < spheres[:, None, 3] + balls[None, :, 3] + near).any())
+    places = places_of(before, nets, dirty, part)
+    lamps = bounding_spheres(np.ascontiguousarray(nets[lit]))
+    if _near(lamps[:, :3], lamps[:, 3], places.patches, near).any():
+        return True
+    points = np.concatenate(
+        [np.empty((0, 3)), *(grid.points for grid in scene.sensors)]
+        + [np.array([camera.eye]) for camera in scene.cameras]
+    )
+    # What lies in a part may be far from all of its patches.
+    held = _near(points, np.zeros(len(points)), places.parts, near)
+    return bool(held.any() and (tester.parts_at(points[held]) >= 0).any())
+
+
+def _near(
+    points: FloatArray, radii: FloatArray, balls: FloatArray, near: float
+) -> NDArray[np.bool_]:
+    """Which spheres about points (n, 3) come closer to any ball of (b, 4) than ``near``. [m]"""
+    away = np.linalg.norm(points[:, None] - balls[None, :, :3], axis=2)
+    return np.asarray((away < radii[:, None] + balls[None, :, 3] + near).any(axis=1))

@@ -9,7 +9,7 @@ import numpy as np
 from .balance import Seam, balanced, is_balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
-from .gap_cuts import left_in_gaps, with_gaps
+from .gap_cuts import in_gaps, with_gaps
 from .horizon_lines import with_lines
 from .kept_light import KeptLight
 from .kernels.pyramid import Blockers
@@ -18,10 +18,10 @@ from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.scene import SceneData
-from .moved import rows_in_new_light
+from .moved import points_in_new_light
 from .profile_mesh import with_profiles
 from .refinement import Looked, Refiner
-from .reuse import LOOSER, Kept, Mesh
+from .reuse import LOOSER, Kept, Mesh, tolerances
 from .stages import Stages
 from .surfaces import reflectances
 from .topology import is_single
@@ -74,20 +74,27 @@ class Mesher:
 
     def elements(self, budget: Budget, boxes: Boxes) -> Elements:
         """Elements over ``boxes``."""
-        scene = self.scene
-        small = (budget.small * budget.size) ** 2
-        elements = elements_on(scene.patches, boxes, nodes=budget.nodes, small=small)
+        elements = self.plain_elements(budget, boxes)
         buried = self.buried(elements.nodes.reshape(-1, 3), elements.normals.reshape(-1, 3))
         return replace(elements, buried=buried.reshape(elements.weights.shape))
+
+    def plain_elements(self, budget: Budget, boxes: Boxes) -> Elements:
+        """The same without regard to what is buried."""
+        small = (budget.small * budget.size) ** 2
+        return elements_on(self.scene.patches, boxes, nodes=budget.nodes, small=small)
+
+    @property
+    def contact(self) -> float:
+        """Distance above a surface at which it is asked whether something lies on it. [m]"""
+        low, high = self.scene.patches.bounds()
+        return CONTACT * float(np.linalg.norm(high - low))
 
     def buried(self, points: FloatArray, normals: FloatArray) -> IntArray:
         """Whether points (m, 3) of surfaces are covered, (m,) bool."""
         alone = self.scene.opaque_count == len(self.scene.patches)
         if alone and is_single(self.blockers, self.blockers.hollow):
             return np.zeros(len(points), dtype=bool)  # there is one convex cavity, and no pane
-        low, high = self.scene.patches.bounds()
-        distance = CONTACT * float(np.linalg.norm(high - low))
-        return self._containment.buried(points, normals, distance)
+        return self._containment.buried(points, normals, self.contact)
 
     def boxes(self, budget: Budget) -> tuple[Boxes, float]:
         """Boxes of the size that ``budget`` asks for, or smaller.
@@ -164,8 +171,8 @@ class Mesher:
         looked = mesh.looked
         if not np.array_equal(mesh.nets, now[2]):
             places = refiner.places(mesh.boxes)
-            rows = rows_in_new_light(self.scene, mesh.nets, mesh.boxes.patch, *places)
-            looked = refiner.renewed(mesh.boxes, looked, rows)
+            touched = points_in_new_light(self.scene, mesh.nets, mesh.boxes.patch, *places)
+            looked = refiner.renewed(mesh.boxes, looked, touched)
         return refiner.again(mesh.boxes, looked)
 
     def _has_new_gaps(self, mesh: Mesh, budget: Budget) -> bool:
@@ -179,7 +186,10 @@ class Mesher:
             # Shares of what is reflected change by no more than this.
             if not some.any() or change.max() <= LOOSER * change.min():
                 return False
-        return left_in_gaps(mesh.boxes, self.scene, budget) > LOOSER
+        of = tolerances(budget), mesh.boxes, reflectances(self.scene)
+        found = in_gaps(mesh.boxes, self.scene, budget, self.kept.of_parts("gaps", of))
+        self.kept.keep_of_parts("gaps", of, found)
+        return found.left > LOOSER
 
     def balanced(self, boxes: Boxes, budget: Budget) -> Boxes:
         """Boxes of which no edge has more than two neighbours, where that is asked for."""

@@ -8,6 +8,7 @@ flat, or misses the hull of both. What has moved itself is found anew, and what 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from .row_finder import Ask
 from .surfaces import Receivers
 from .topology import bounding_spheres, writable
 
+if TYPE_CHECKING:
+    from .kernels.shafts import Places
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changed:
@@ -34,10 +38,16 @@ class Changed:
         Rows of which anything must.
     pairs : (m, n) bool array
         Form factors that must.
+    places : (b, 4) array
+        Balls about the parts that have moved, where they were and where they are. [m]
+    whole : (m,) bool array
+        Rows in which what is seen of sky and ground must be found, too.
     """
 
     again: NDArray[np.bool_]
     pairs: NDArray[np.bool_]
+    places: FloatArray
+    whole: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,8 +66,8 @@ class Arrangement:
         Nets of the elements, and the patches they are of.
     spheres, cell_eps, dim : (n, 4), (n,) and (n,) array
         Of the elements, as in `Sources`.
-    planes : (n, 4) array
-        Of the flat ones among them, as in `kernels.shafts.find_touched`.
+    planes, corners : (n, 4) and (n, 4, 3) array
+        Of the flat ones among them, as in `kernels.shafts.Seen`.
     found : tuple
         The rows, and what was told with them.
     tone : (10,) or (0,) array
@@ -73,6 +83,7 @@ class Arrangement:
     cell_eps: FloatArray
     dim: FloatArray
     planes: FloatArray
+    corners: FloatArray
     found: tuple[object, ...]
     tone: FloatArray
 
@@ -81,6 +92,7 @@ class Arrangement:
         cls, nets: FloatArray, asked: Ask, found: tuple[object, ...], tone: FloatArray
     ) -> Arrangement:
         sources = asked.sources
+        planes, corners = _planes(sources)
         return cls(
             nets=nets,
             receivers=asked.receivers,
@@ -90,7 +102,8 @@ class Arrangement:
             spheres=sources.spheres,
             cell_eps=sources.cell_eps,
             dim=sources.dim,
-            planes=_planes(sources),
+            planes=planes,
+            corners=corners,
             found=found,
             tone=tone,
         )
@@ -102,8 +115,11 @@ class Arrangement:
         assert isinstance(rows, Rows)
         return rows
 
-    def changed(self, patches: PatchSet, asked: Ask) -> Changed | None:
-        """Which pairs must be found anew among ``patches``; None where nothing is known of them."""
+    def changed(self, patches: PatchSet, asked: Ask, *, sees_out: bool) -> Changed | None:
+        """Which pairs must be found anew among ``patches``; None where nothing is known of them.
+
+        Unless light ``sees_out`` of the scene, what rows know of sky and ground is rounding.
+        """
         new, old, rows, sources = asked.receivers, self.receivers, self.rows, asked.sources
         nets = patches.control_points
         same = (
@@ -132,22 +148,24 @@ class Arrangement:
         pairs = np.zeros(rows.factors.shape, dtype=bool)
         pairs[whole] = True
         pairs[:, dirty[sources.patch]] = True
-        again = whole.copy()
-        from .kernels.shafts import find_touched_pairs
+        again, open_rows = whole.copy(), np.zeros(len(whole), dtype=bool)
+        if sees_out:
+            open_rows = rows.outside[:, 1] + rows.outside[:, 2] > OUTSIDE
+        from .kernels.shafts import Seen, find_touched_pairs
 
+        places = places_of(self.nets, nets, dirty, patches.part_index)
         find_touched_pairs(
             writable(new.nodes),
             writable(new.normals),
             writable(lifts),
             rows.factors,
-            writable(self.spheres),
-            writable(self.planes),
-            *balls_about(self.nets, nets, dirty, patches.part_index),
-            rows.outside[:, 1] + rows.outside[:, 2] > OUTSIDE,
+            Seen(writable(self.spheres.T), writable(self.planes), writable(self.corners)),
+            places,
+            open_rows,
             pairs,
             again,
         )
-        return Changed(again, pairs)
+        return Changed(again, pairs, places.parts, sees_out & (whole | open_rows))
 
 
 def moved_patches(old: FloatArray, new: FloatArray) -> NDArray[np.bool_]:
@@ -155,71 +173,90 @@ def moved_patches(old: FloatArray, new: FloatArray) -> NDArray[np.bool_]:
     return np.asarray((old != new).any(axis=(1, 2, 3)))
 
 
-def balls_about(
-    old: FloatArray, new: FloatArray, dirty: NDArray[np.bool_], part: IntArray
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Balls about patches at their old and their new places, and balls about those of each part.
+def places_of(old: FloatArray, new: FloatArray, dirty: NDArray[np.bool_], part: IntArray) -> Places:
+    """Balls about ``dirty`` (p,) patches of control nets ``old`` and ``new`` (p, 4, 4, 4)."""
+    from .kernels.shafts import Places
 
-    Returns those (h, 4) of the parts, first and end (h, 2) of the others in each, and these (b, 4).
-    """
-    hulls, ranges, balls, end = [], [], [], 0
+    parts: list[FloatArray] = []
+    whole_ends, part_ends = [0], [0]
+    patches, wholes = [np.zeros((0, 4))], []
     for nets in (old, new):
         for one in np.unique(part[dirty]):
-            own = bounding_spheres(np.ascontiguousarray(nets[dirty & (part == one)]))
-            low = (own[:, :3] - own[:, 3:]).min(axis=0)
-            high = (own[:, :3] + own[:, 3:]).max(axis=0)
-            middle = 0.5 * (low + high)
-            reach = (np.linalg.norm(own[:, :3] - middle, axis=1) + own[:, 3]).max()
-            hulls.append((*middle, reach))
-            ranges.append((end, end + len(own)))
-            balls.append(own)
-            end += len(own)
-    return (
-        np.array(hulls).reshape(-1, 4),
-        np.array(ranges, dtype=np.int64).reshape(-1, 2),
-        np.concatenate([*balls, np.zeros((0, 4))]),
+            patches.append(bounding_spheres(np.ascontiguousarray(nets[dirty & (part == one)])))
+            parts.append(_ball_about(patches[-1]))
+            part_ends.append(part_ends[-1] + len(patches[-1]))
+        if len(parts) > whole_ends[-1]:
+            wholes.append(_ball_about(np.array(parts[whole_ends[-1] :])))
+            whole_ends.append(len(parts))
+    return Places(
+        np.array(wholes).reshape(-1, 4),
+        _ranges(whole_ends),
+        np.array(parts).reshape(-1, 4),
+        _ranges(part_ends),
+        np.concatenate(patches),
     )
 
 
-def rows_in_new_light(
+def _ball_about(balls: FloatArray) -> FloatArray:
+    """A ball (4,) about some (b, 4)."""
+    low = (balls[:, :3] - balls[:, 3:]).min(axis=0)
+    high = (balls[:, :3] + balls[:, 3:]).max(axis=0)
+    middle = 0.5 * (low + high)
+    reach = (np.linalg.norm(balls[:, :3] - middle, axis=1) + balls[:, 3]).max()
+    return np.array([*middle, reach * (1.0 + 1e-12)])
+
+
+def _ranges(ends: list[int]) -> IntArray:
+    """First and end (k, 2) of what follows one another with these ``ends``, the first being 0."""
+    return np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64)
+
+
+def points_in_new_light(
     scene: SceneData, before: FloatArray, patch: IntArray, points: FloatArray, normals: FloatArray
-) -> IntArray:
-    """Rows of points (n, k, 3) on patches (n,) on which direct light of lamps may have changed.
+) -> NDArray[np.bool_]:
+    """At which points (n, k, 3) on patches (n,) direct light of lamps may have changed: (n, k).
 
     Parts stood elsewhere: ``before`` (p, 4, 4, 4) are the control nets as they were.
     """
-    from .kernels.shafts import find_touched
+    from .kernels.shafts import Seen, find_touched_points
 
     nets = scene.patches.control_points
     dirty = moved_patches(before, nets)
     lit = (scene.luminaire_index >= 0).any(axis=1)
-    n, lamps = len(patch), int(lit.sum())
+    touched = np.repeat(dirty[patch], points.shape[1])
     if (dirty & lit).any():
-        return np.arange(n)
+        return np.ones(points.shape[:2], dtype=bool)
+    lamps = int(lit.sum())
     planes = np.zeros((lamps, 4))
     planes[:, 3] = -np.inf
-    touched = dirty[patch]
-    find_touched(
-        writable(points),
-        writable(normals),
-        np.ones((n, lamps), dtype=np.float32),
-        bounding_spheres(np.ascontiguousarray(nets[lit])),
-        planes,
-        balls_about(before, nets, dirty, scene.patches.part_index)[0],
-        np.zeros(n, dtype=bool),
+    spheres = bounding_spheres(np.ascontiguousarray(nets[lit]))
+    find_touched_points(
+        writable(points.reshape(-1, 3)),
+        writable(normals.reshape(-1, 3)),
+        Seen(writable(spheres.T), planes, np.zeros((lamps, 4, 3))),
+        places_of(before, nets, dirty, scene.patches.part_index),
         touched,
     )
-    return np.flatnonzero(touched)
+    return touched.reshape(points.shape[:2])
 
 
-def _planes(sources: Sources) -> FloatArray:
-    """Normal and offset (n, 4) of flat elements, (0, 0, 0, −∞) of others."""
-    planes = np.zeros((len(sources.nets), 4))
+def _planes(sources: Sources) -> tuple[FloatArray, FloatArray]:
+    """Planes and corners of elements, as in `kernels.shafts.Seen`."""
+    planes, corners = np.zeros((len(sources.nets), 4)), np.zeros((len(sources.nets), 4, 3))
     planes[:, 3] = -np.inf
     flat = np.flatnonzero(sources.flags & PLANAR)
     half = np.array([0.5])
-    at, su, sv = (a[:, 0] for a in surface_points(sources.nets[flat], half, half))
+    nets = sources.nets[flat]
+    at, su, sv = (a[:, 0] for a in surface_points(nets, half, half))
     normal = np.cross(su, sv)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     planes[flat, :3], planes[flat, 3] = normal, np.einsum("nk,nk->n", normal, at)
-    return planes
+    hull = nets[..., :3] / nets[..., 3:]
+    own = hull[:, [0, 3, 3, 0], [0, 0, 3, 3]]
+    sides = np.roll(own, -1, axis=1) - own
+    inward = np.cross(normal[:, None], sides)
+    depth = np.einsum("nsk,nijsk->nijs", inward, hull[:, :, :, None] - own[:, None, None])
+    size = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)
+    within = depth.min(axis=(1, 2, 3)) >= -1e-9 * size**2
+    corners[flat[within]] = own[within]
+    return planes, corners

@@ -17,10 +17,11 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .mesh import Boxes
 from .model.arrays import FloatArray, IntArray
@@ -139,13 +140,25 @@ class Refiner:
         self.looked, total = looked, float(flux.sum())
         return float(wrong.sum()) / total if total > 0.0 else 0.0
 
-    def renewed(self, boxes: Boxes, looked: Looked, rows: IntArray) -> Looked:
-        """What was ``looked`` at on ``boxes``, with some ``rows`` of them looked at once more."""
-        if not len(rows):
+    def renewed(self, boxes: Boxes, looked: Looked, touched: NDArray[np.bool_]) -> Looked:
+        """What was ``looked`` at on ``boxes``, once more at the ``touched`` (n, 20) of `places`."""
+        whole = np.asarray(touched.all(axis=1))
+        rows, left = np.flatnonzero(whole), np.flatnonzero(~whole)
+        if len(rows):
+            order = np.argsort(np.concatenate([left, rows]))
+            looked = looked.take(left).joined(self._look(boxes.take(rows))).take(order)
+        row, point = np.nonzero(touched & ~whole[:, None])
+        if not len(row):
             return looked
-        left = np.setdiff1d(np.arange(len(boxes)), rows)
-        order = np.argsort(np.concatenate([left, rows]))
-        return looked.take(left).joined(self._look(boxes.take(rows))).take(order)
+        points, normals = (a[row, point] for a in self.places(boxes))
+        found, near = self.light.at(points, normals, boxes.patch[row])
+        k = looked.light.shape[1]
+        light = np.concatenate([looked.light, looked.told], axis=1)
+        nearness = looked.nearness.copy()
+        light[row, point] = found
+        inside = point < k
+        nearness[row[inside], point[inside]] = near[inside]
+        return replace(looked, light=light[:, :k], told=light[:, k:], nearness=nearness)
 
     def places(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
         """Points (n, k, 3) at which boxes are looked at, and their normals."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .edges import near_ratio
 from .exchange import COUNTERS, LEVELS, PAIRS_PER_BLOCK, ROWS_PER_BLOCK, Rows
 from .kernels.pyramid import Blockers
 from .kernels.threads import count_threads
+from .model.arrays import MatrixArray
 from .model.scene import SceneData
 from .model.sky import CIESky
 from .moved import Changed
@@ -77,6 +79,8 @@ def renewed_rows(
             count_threads(),
             changed.again[some],
             changed.pairs[some],
+            changed.places,
+            changed.whole[some],
             factors[some],
             variances[some],
             outside[some],
@@ -87,3 +91,25 @@ def renewed_rows(
             tell(some.stop, m)
     total = counters.sum(axis=0)
     return Rows(factors, variances, {k: int(total[c]) for k, c in COUNTERS.items()}, outside, sums)
+
+
+def renewed_unoccluded(
+    factors: MatrixArray, asked: Ask, changed: NDArray[np.bool_], blockers: Blockers, eps: float
+) -> None:
+    """Find unoccluded form factors (m, n) of ``changed`` (n,) elements anew, in place."""
+    from .kernels.renewed import renew_unoccluded
+
+    receivers = asked.receivers
+    at = receivers.nodes, receivers.normals, receivers.weights
+    renew_unoccluded(
+        *(writable(array) for array in at),
+        writable(receivers.patches, np.int64),
+        writable(receivers.own, np.int64),
+        walls_under(*at, asked.sources.wall_spheres),
+        asked.sources,
+        blockers,
+        near_ratio(eps),
+        eps,
+        writable(changed, np.bool_),
+        factors,
+    )

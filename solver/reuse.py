@@ -46,6 +46,8 @@ Renew = Callable[[tuple[Any, ...], Changed], RowsAndMore | None]
 SHARE = 0.2
 #: The same where the system does not tell. [B]
 UNTOLD = 500_000_000
+#: Values that may be added before the system is asked again how much memory is free. [B]
+SMALL = 2_000_000
 #: Misplaced light up to which a mesh is taken again, against what it may have.
 LOOSER = 1.5
 #: Where `sky_tone` has the luminance of a sky.
@@ -61,6 +63,8 @@ class Store:
         self._values: OrderedDict[bytes, tuple[Any, int]] = OrderedDict()
         self._lock = threading.Lock()
         self.bytes = 0
+        #: What it may take, and what was added since the system was asked. [B]
+        self._allowed, self._unasked = 0, SMALL
 
     def __len__(self) -> int:
         return len(self._values)
@@ -78,13 +82,21 @@ class Store:
         size = nbytes(value)
         with self._lock:
             self.bytes -= self._values.pop(key, (None, 0))[1]
-            free = available_bytes()
-            room = UNTOLD if free is None else int(SHARE * (free + self.bytes))
+            room = self._room(size)
             while self._values and self.bytes + size > room:
                 self.bytes -= self._values.popitem(last=False)[1][1]
             if size <= room:
                 self._values[key] = value, size
                 self.bytes += size
+
+    def _room(self, size: int) -> int:
+        """What the store may take now; what is small is let in without asking the system. [B]"""
+        self._unasked += size
+        if self._unasked > SMALL or self.bytes + size > self._allowed:
+            free = available_bytes()
+            self._allowed = UNTOLD if free is None else int(SHARE * (free + self.bytes))
+            self._unasked = 0
+        return self._allowed
 
     def clear(self) -> None:
         """Free what is kept."""
@@ -219,6 +231,7 @@ class Kept:
         make: Callable[[], RowsAndMore],
         sees_sky: Callable[[Ask], Rows] | None = None,
         renew: Renew[RowsAndMore] | None = None,
+        sees_out: Callable[[RowsAndMore], bool] = lambda found: True,
         which: str = "",
     ) -> RowsAndMore:
         """Rows as ``make`` returns them, first of what may be more.
@@ -226,7 +239,8 @@ class Kept:
         They depend on what is ``asked`` and on ``more``. What they see of another sky than that
         they were found under is found anew by ``sees_sky``, where it matters. With ``renew`` pairs
         of an earlier run that moved parts do not touch are kept, see `moved`; it finds the others.
-        ``which`` tells sets of rows of one name apart.
+        ``sees_out`` tells whether light could leave the scene when rows were found, ``which`` sets
+        of rows of one name apart.
         """
         before = list(self.hits.get(name, (0, 0)))
         sky = self.scene.sky
@@ -237,7 +251,11 @@ class Kept:
         value = self.find(
             name,
             (of, *_of_rows(asked), more),
-            lambda: (self._after_moves(where, asked, known, renew) or make(), tone, _new_mark()),
+            lambda: (
+                self._after_moves(where, asked, known, renew, sees_out) or make(),
+                tone,
+                _new_mark(),
+            ),
         )
         found: RowsAndMore = value[0]
         self._mark(found[0], value[2])
@@ -267,6 +285,7 @@ class Kept:
         asked: Ask,
         tone: FloatArray | None,
         renew: Renew[RowsAndMore] | None,
+        sees_out: Callable[[RowsAndMore], bool],
     ) -> RowsAndMore | None:
         """Rows of an earlier run whose parts stood elsewhere, put right; None where all are new.
 
@@ -277,7 +296,8 @@ class Kept:
             return None
         if tone is not None and not np.array_equal(before.tone, tone):
             return None
-        changed = before.changed(self.scene.patches, asked)
+        out = sees_out(before.found)
+        changed = before.changed(self.scene.patches, asked, sees_out=out)
         if changed is None:
             return None
         pairs = int(changed.pairs.sum())

@@ -7,11 +7,14 @@ if nothing hid anything; the difference, as far as each element is in sight, is 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .exchange import ROUNDING, Rows, form_factor_matrix, products
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, MatrixArray
+from .renewed import renewed_unoccluded
 from .reuse import Kept
 from .row_finder import Ask
 
@@ -56,7 +59,7 @@ def rule_error(
     count = min(m, max(SENSORS, PAIRS // n))
     some = np.unique(np.linspace(0, m - 1, count).round().astype(np.int64))
     found, finer = kept.of_rows(
-        "rules", rows, (eps,), lambda: _unoccluded(asked.taken(some), blockers, eps)
+        "rules", rows, (eps,), lambda: _kept_unoccluded(asked.taken(some), blockers, eps, kept)
     )
     in_sight = np.minimum(factors[some], found) / np.where(found > 0.0, found, 1.0)
     off = np.abs(((found - finer) * in_sight) @ sent)
@@ -83,4 +86,43 @@ def _unoccluded(ask: Ask, blockers: Blockers, eps: float) -> tuple[MatrixArray, 
         ).factors
         for accuracy in (eps, FINER * eps)
     )
+    return found, finer
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """Unoccluded factors ``found`` and ``finer`` (k, n) among elements of a run before.
+
+    Attributes
+    ----------
+    nets : (n, 4, 4, 4) array
+        Of the elements.
+    of : (2, n) array
+        What else their rules depend on.
+    """
+
+    nets: FloatArray
+    of: FloatArray
+    found: MatrixArray
+    finer: MatrixArray
+
+
+def _kept_unoccluded(
+    ask: Ask, blockers: Blockers, eps: float, kept: Kept
+) -> tuple[MatrixArray, MatrixArray]:
+    """As `_unoccluded`; of elements that stand as in a run before nothing is found."""
+    sources = ask.sources
+    key = ask.receivers, sources.patch, sources.azimuths, eps
+    before: _Known | None = kept.of_parts("rules", key)
+    of = np.stack([sources.dim, sources.point_from])
+    # Without meridians edges are integrated for all elements of a patch at once.
+    scanned = len(sources.azimuths) > 0
+    if before is None or not scanned or before.nets.shape != sources.nets.shape:
+        found, finer = _unoccluded(ask, blockers, eps)
+    else:
+        found, finer = before.found.copy(), before.finer.copy()
+        moved = (before.nets != sources.nets).any(axis=(1, 2, 3)) | (before.of != of).any(axis=0)
+        for factors, accuracy in ((found, eps), (finer, FINER * eps)):
+            renewed_unoccluded(factors, ask, moved, blockers, accuracy)
+    kept.keep_of_parts("rules", key, _Known(sources.nets, of, found, finer))
     return found, finer

@@ -24,6 +24,9 @@ from .exchange import OUTSIDE, Rows, products
 from .kernels.closure import sum_rows
 from .unknowns import Unknowns
 
+#: Elements that no light reaches, if there are any.
+Hidden = NDArray[np.bool_] | None
+
 #: Form factor of all that is not shut in, below which an element is; and share of the light of an
 #: element in the open that may end in what is.
 LEAST = 0.01
@@ -87,3 +90,10 @@ def hide(rows: Rows, hidden: NDArray[np.bool_]) -> None:
     rows.factors[at] = 0.0
     rows.variances[at] = 0.0
     sum_rows(rows.factors, rows.variances, rows.sums)
+
+
+def same_hidden(one: Hidden, other: Hidden) -> bool:
+    """Whether the same elements are hidden."""
+    if one is None or other is None:
+        return one is other
+    return np.array_equal(one, other)

@@ -24,12 +24,13 @@ from .model.arrays import FloatArray
 from .model.reached import accuracies_reached, accuracy_message
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
+from .moved_blockers import kept_blockers
 from .reuse import STORE, Kept, Mesh, forget
 from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
 from .stages import Progress, Stages
 from .surfaces import reflectances
-from .topology import is_single, make_blockers
+from .topology import is_single
 
 #: How often the mesh is cut further where the accuracy asked for is not reached.
 REFINEMENTS = 3
@@ -219,7 +220,7 @@ class Simulation:
             kept = Kept(scene, stages=stages, store=self.store)
             opaque = scene.without_panes
             solids = opaque.patches, opaque.closed, opaque.patches.part_index
-            blockers = kept.find("blockers", (), lambda: make_blockers(*solids))
+            blockers = kept_blockers(kept, *solids)
             tester = Containment(scene)
             stages.warnings.extend(placement_remarks(scene, tester, kept))
         self._say_skipped(blockers)

@@ -96,19 +96,26 @@ def edge_points(nets: FloatArray) -> FloatArray:
     return np.asarray(h[..., :3] / h[..., 3:])
 
 
-def adjacency(nets: FloatArray, solid: IntArray, *, relative: float = 1e-7) -> IntArray:
+def size_of(points: FloatArray) -> float:
+    """Largest extent of points (..., 3) along an axis. [m]"""
+    return float(np.ptp(points.reshape(-1, 3), axis=0).max())
+
+
+def adjacency(
+    nets: FloatArray, solid: IntArray, *, relative: float = 1e-7, extent: float | None = None
+) -> IntArray:
     """Neighbour (n, 4) over each boundary edge within the same solid, −1 where there is none.
 
     Two edges are one when their ends and two inner points agree, in either direction, within
-    ``relative`` of the size of the set, but not when the patch is no wider than that. An edge met
-    by more than two patches has no neighbour.
+    ``relative`` of the size of the set, or of ``extent`` [m], but not when the patch is no wider
+    than that. An edge met by more than two patches has no neighbour.
     """
     n = len(nets)
     out = np.full((n, 4), -1, dtype=np.int64)
     if n == 0:
         return out
     points = edge_points(nets).reshape(4 * n, 4, 3)
-    extent = float(np.ptp(points.reshape(-1, 3), axis=0).max())
+    extent = size_of(points) if extent is None else extent
     tolerance = relative * max(extent, 1e-300)
     length = np.linalg.norm(points[:, 3] - points[:, 0], axis=1) + np.linalg.norm(
         points[:, 1] - points[:, 2], axis=1

@@ -23,7 +23,7 @@ from .meridian import make_lines
 from .nets import CONCAVE, CONVEX, PLANAR
 from .patch_factor import patch_factor
 from .pyramid import make_scratch
-from .rows import DARK_PAIRS, SCANNED, UNOCCLUDED, how_to_see, trace_row
+from .rows import DARK_PAIRS, SCANNED, UNOCCLUDED, how_to_see, trace_row, view_everywhere
 from .shares import ROOM, find_shares, make_shares
 
 _GOLDEN = 0.6180339887498949
@@ -179,7 +179,8 @@ def form_factor_rows(
         integral = np.empty(sources.edge_point.shape[2])
         plain, near = np.empty(count_elements), np.empty(count_elements, dtype=np.int64)
         s, dark = np.empty((4, 4, 4)), np.empty(sources.group.shape[0], dtype=np.bool_)
-        x, n, lifted = np.empty(3), np.empty(3), np.empty(3)
+        x, n, lifted, view = np.empty(3), np.empty(3), np.empty(3), np.empty(7)
+        view_everywhere(view)
         scratch = make_scratch(p if trace else 0, levels)
         factors, spread = np.empty(count_elements), np.empty(count_elements)
         wanted = np.empty(count_elements, dtype=np.bool_)
@@ -209,8 +210,8 @@ def form_factor_rows(
                     flat = own[i] if lifts[i] == 0.0 else -1
                     turn = turn_of((first_row + i) * nodes.shape[1] + q)
                     lines = find_shares(
-                        lifted, n, own[i], flat, turn, dark, plain, sources, blockers, rounding,
-                        tone, lines, shares,
+                        lifted, n, own[i], flat, turn, view, dark, plain, sources, blockers,
+                        rounding, tone, lines, shares,
                     )  # fmt: skip
                     for k in range(5):
                         outside[i, k] += shares.outside[k] * (weight if k < 3 else weight * weight)

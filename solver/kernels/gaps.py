@@ -20,6 +20,8 @@ def add_gap(low, high, axis, n, tone, line_out):
     line_out : (3,) array
         Luminance times form factor of the sky [cd/m²], and the form factors of sky and ground.
     """
+    if high <= low:
+        return
     start = math.atan(low)
     end = math.atan(high)
     # Where the meridian crosses the world's horizon.

@@ -53,12 +53,17 @@ def _leaves(moment, q, d0, d1, d2, high):
 
 
 @lean
-def find_partly(x, n, sources, found):
-    """Find what is seen of every unit, and make ready the grids of those that are partly hidden."""
+def find_partly(x, n, dark, sources, found):
+    """Find what is seen of every unit, and make ready the grids of those that are partly hidden.
+
+    Of units that are ``dark`` (g,) nothing is seen.
+    """
     state, unit, moment = found.state, found.unit, found.moment
     ranges, grid_of, sizes = sources.unit_ranges, sources.panel_grid, sources.grid_size
     for g in range(unit.shape[0]):
-        seen = 0
+        unit[g] = seen = 0
+        if dark[g]:
+            continue
         for f in range(ranges[g, 0], ranges[g, 1]):
             seen |= state[f]
         unit[g] = seen

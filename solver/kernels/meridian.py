@@ -12,12 +12,13 @@ element, to go with its exact unoccluded form factor: it is 1 for what nothing h
 number of meridians.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from .compiled import kernel, lean
-from .cuts import ZENITH, cut_polygon
+from .cuts import TURN_ERROR, ZENITH, azimuth_turn, cut_polygon
 
 #: Points of dark units that are placed all the same, rather than to begin a loop anew.
 BRIDGED = 128
@@ -33,6 +34,7 @@ class Lines(NamedTuple):
 
     axes: np.ndarray  # (3 lines, 2) cosine and sine of the azimuths, three times over
     ends: np.ndarray  # (3 lines, 2) scratch of `cuts.cut_polygon`
+    wanted: np.ndarray  # (lines,) those that are cut and swept
     head: np.ndarray  # (lines,) first chord of each meridian, −1 where there is none
     chain: np.ndarray  # (room,) next chord of the same meridian
     span: np.ndarray  # (room, 4) tangents of both ends, 1/ρ at tangent 0 and its slope
@@ -56,6 +58,7 @@ def make_lines(azimuths, room):
     return Lines(
         axes,
         np.empty((3 * lines, 2)),
+        np.ones(lines, dtype=np.bool_),
         np.empty(lines, dtype=np.int64),
         np.empty(room, dtype=np.int64),
         np.empty((room, 4)),
@@ -68,6 +71,33 @@ def make_lines(azimuths, room):
         np.empty(room, dtype=np.int64),
         np.empty(room, dtype=np.int64),
     )
+
+
+@lean
+def want_lines(view, n, frame, wanted):
+    """Mark the meridians about ``n`` that pass through a view cone, and those next to it.
+
+    ``frame`` (2, 3) are the directions of the meridians with azimuths 0 and π/2.
+    """
+    lines = wanted.shape[0]
+    if view[3] > 1.0:
+        wanted[:] = True
+        return
+    along = view[0] * frame[0, 0] + view[1] * frame[0, 1] + view[2] * frame[0, 2]
+    across = view[0] * frame[1, 0] + view[1] * frame[1, 1] + view[2] * frame[1, 2]
+    off = math.sqrt(along * along + across * across)
+    # A cone about the normal meets all of them, one off it by θ azimuths to asin(sin α / sin θ).
+    half = 0.25 * lines
+    if view[3] < off:
+        half = math.asin(view[3] / off) / (2.0 * math.pi) * lines
+    if view[3] >= off or 2.0 * half + 3.0 >= lines:
+        wanted[:] = True
+        return
+    wanted[:] = False
+    middle = azimuth_turn(along, across) * lines
+    first = int(math.floor(middle - half - TURN_ERROR * lines))
+    for k in range(first, int(math.floor(middle + half + TURN_ERROR * lines)) + 2):
+        wanted[k % lines] = True
 
 
 @lean
@@ -164,8 +194,8 @@ def list_crossing(corners, before, listed, count, crossing):
 
 @lean
 def cut_panels(
-    n, facets, own, frame, rounding, local, above, crossing, count, unit, lines, covered, hits,
-    crossed,
+    n, facets, own, frame, rounding, local, before, above, crossing, count, unit, lines, covered,
+    hits, crossed,
 ):  # fmt: skip
     """Cut the panels that cross meridians about ``n``.
 
@@ -179,7 +209,7 @@ def cut_panels(
         Directions of the meridians with azimuths 0 and π/2.
     rounding : float
         `contour.horizon_tolerance` of the receiver. [m]
-    local : (4, w) array
+    local, before : (4, w) array and (w,) int array
         Of the panels' points, from `cuts.place_points`.
     above : (p,) array
         Of the panels, from `list_facing`. [m]
@@ -201,7 +231,7 @@ def cut_panels(
         Number of chords; if it is above the room in ``lines`` some are missing.
     """
     head, chain, span, panel = lines.head, lines.chain, lines.span, lines.panel
-    axes, ends = lines.axes, lines.ends
+    axes, ends, wanted = lines.axes, lines.ends, lines.wanted
     corners, planes, elements = facets.panel_corners, facets.panel_planes, facets.panel_element
     along, across, up = local[0], local[1], local[2]
     room, number = panel.shape[0], head.shape[0]
@@ -210,10 +240,18 @@ def cut_panels(
     g0, g1, g2 = frame[1, 0], frame[1, 1], frame[1, 2]
     head[:] = -1
     crossed[:] = False
-    s = 0
+    s, every = 0, True
+    for k in range(number):
+        every &= wanted[k]
     for m in range(count):
         f = crossing[m]
         c0, c1, c2, c3 = corners[f, 0], corners[f, 1], corners[f, 2], corners[f, 3]
+        if not every:
+            # Most are small: they cross one meridian, or two.
+            p0, p1, p2, p3 = before[c0], before[c1], before[c2], before[c3]
+            low, high = min(min(p0, p1), min(p2, p3)), max(max(p0, p1), max(p2, p3))
+            if high <= low + 2 and not (wanted[low + 1] or wanted[high]):
+                continue
         top = max(max(up[c0], up[c1]), max(up[c2], up[c3]))
         if top <= rounding:
             continue
@@ -243,7 +281,7 @@ def cut_panels(
         for k in range(first, end):
             # Beside a corner on the axis the tangent has no bound; sweeps end at the zenith.
             low, high = max(ends[k, 0], 0.0), min(ends[k, 1], ZENITH)
-            if high > low:
+            if (high > low) & wanted[line]:
                 if s < room:
                     span[s, 0], span[s, 1] = low, high
                     span[s, 2], span[s, 3] = gx * axes[k, 0] + gy * axes[k, 1], slope

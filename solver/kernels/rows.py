@@ -127,6 +127,69 @@ def view_cone(x, sphere, cone):
 
 
 @lean
+def view_everywhere(view):
+    """View cone that holds all there is."""
+    view[0] = view[1] = view[2] = view[4] = view[5] = 0.0
+    view[3], view[6] = 2.0, math.inf
+
+
+@lean
+def add_to_view(x, sphere, view):
+    """Add the direction of a sphere to that of a view cone that is being made."""
+    dx, dy, dz = sphere[0] - x[0], sphere[1] - x[1], sphere[2] - x[2]
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    inverse = 1.0 / max(d, 1e-300)
+    view[0] += dx * inverse
+    view[1] += dy * inverse
+    view[2] += dz * inverse
+
+
+@lean
+def widened(x, sphere, view, cosine):
+    """Cosine of the half-angle of a cone about the axis of ``view`` that holds a sphere, too.
+
+    At most ``cosine``; 0 where it is no less than a hemisphere.
+    """
+    dx, dy, dz = sphere[0] - x[0], sphere[1] - x[1], sphere[2] - x[2]
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if d <= sphere[3]:
+        return 0.0
+    along, sine = (view[0] * dx + view[1] * dy + view[2] * dz) / d, sphere[3] / d
+    if along <= 0.0:
+        return 0.0
+    off = math.sqrt(max(1.0 - along * along, 0.0))
+    return max(min(cosine, along * math.sqrt(1.0 - sine * sine) - off * sine), 0.0)
+
+
+@lean
+def view_of_wanted(x, spheres, wanted, more, view):
+    """View cone that holds all ``wanted`` (n,) of ``spheres`` (n, 4), and ``more`` (k, 4) spheres.
+
+    It has no end. Everywhere where it would be no narrower than a hemisphere.
+    """
+    view_everywhere(view)
+    for j in range(spheres.shape[0]):
+        if wanted[j]:
+            add_to_view(x, spheres[j], view)
+    for j in range(more.shape[0]):
+        add_to_view(x, more[j], view)
+    size = math.sqrt(view[0] * view[0] + view[1] * view[1] + view[2] * view[2])
+    cosine = 1.0 if size > 1e-6 else 0.0
+    for k in range(3):
+        view[k] /= max(size, 1e-6)
+    for j in range(spheres.shape[0]):
+        if wanted[j]:
+            cosine = widened(x, spheres[j], view, cosine)
+    for j in range(more.shape[0]):
+        cosine = widened(x, more[j], view, cosine)
+    view[4] = cosine - 1e-9
+    if view[4] <= 0.0:
+        view_everywhere(view)
+    else:
+        view[3] = math.sqrt(1.0 - view[4] * view[4])
+
+
+@lean
 def apart(source, blocker):
     """Whether two view cones do not meet, or the blocker lies beyond the source."""
     if blocker[5] >= source[6]:

@@ -1,10 +1,55 @@
 """Shafts from points to what they see, and whether balls reach into them."""
 
 import math
+from typing import NamedTuple
 
 import numba as nb
+import numpy as np
 
-from .compiled import kernel, lean, parallel
+from .compiled import lean, parallel
+
+#: Rounding of distances, relative to them.
+_ROUNDING = 1e-9
+
+
+class Seen(NamedTuple):
+    """What shafts end on; row j of every array is the same element of n.
+
+    Attributes
+    ----------
+    spheres : (4, n) array
+        About the elements. [m]
+    planes : (n, 4) array
+        Unit normal and offset of flat elements: nothing behind them is on the way. Others have a
+        normal of 0 and an offset of −∞. [m]
+    corners : (n, 4, 3) array
+        Of flat elements that lie within them, counter-clockwise about the normal; all alike for
+        others. [m]
+    """
+
+    spheres: np.ndarray
+    planes: np.ndarray
+    corners: np.ndarray
+
+
+class Places(NamedTuple):
+    """Balls about what has moved, where it was and where it is: in three levels, each in the next.
+
+    Attributes
+    ----------
+    wholes, whole_ranges : (w, 4) and (w, 2) int array
+        About all of it [m], and first and end of the parts in each.
+    parts, part_ranges : (h, 4) and (h, 2) int array
+        About the parts, and first and end of the patches in each.
+    patches : (b, 4) array
+        About the patches.
+    """
+
+    wholes: np.ndarray
+    whole_ranges: np.ndarray
+    parts: np.ndarray
+    part_ranges: np.ndarray
+    patches: np.ndarray
 
 
 @lean
@@ -36,52 +81,101 @@ def _before(x, y, z, normal, ball, more):
     return normal[0] * bx + normal[1] * by + normal[2] * bz + ball[3] + more > 0.0
 
 
-@kernel
-def find_touched(nodes, normals, factors, spheres, planes, balls, open_rows, touched):
-    """Mark receivers whose sight of anything may pass through a ball.
+@lean
+def _beside(x, y, z, plane, corners, ball, more):
+    """Whether a ball lies wholly beside the pyramid of a flat element that is seen from its front.
 
-    Parameters
-    ----------
-    nodes, normals : (m, q, 3) array
-        Receiver nodes [m] and unit normals.
-    factors : (m, n) array
-        Form factors: what a receiver sees is what has one above 0.
-    spheres : (n, 4) array
-        About the elements.
-    planes : (n, 4) array
-        Unit normal and offset of flat elements: nothing behind them is on the way. Others have a
-        normal of 0 and an offset of −∞. [m]
-    balls : (b, 4) array
-        What matters; those wholly behind a receiver do not.
-    open_rows : (m,) bool array
-        Receivers that see something besides the elements: any ball before them matters.
-    touched : (m,) bool array
-        Set where it is so.
+    The pyramid's sides hold the receiver and two corners each.
     """
-    for i in range(nodes.shape[0]):
-        for q in range(nodes.shape[1]):
-            x, y, z = nodes[i, q, 0], nodes[i, q, 1], nodes[i, q, 2]
-            for b in range(balls.shape[0]):
-                if touched[i]:
-                    break
-                if not _before(x, y, z, normals[i, q], balls[b], 0.0):
-                    continue
-                if open_rows[i]:
-                    touched[i] = True
-                    break
-                for j in range(spheres.shape[0]):
-                    if factors[i, j] > 0.0 and meets(x, y, z, spheres[j], planes[j], balls[b], 0.0):
-                        touched[i] = True
-                        break
+    if plane[0] * x + plane[1] * y + plane[2] * z <= plane[3]:
+        return False
+    bx, by, bz, radius = ball[0] - x, ball[1] - y, ball[2] - z, ball[3] + more
+    ax, ay, az = corners[3, 0] - x, corners[3, 1] - y, corners[3, 2] - z
+    for k in range(4):
+        cx, cy, cz = corners[k, 0] - x, corners[k, 1] - y, corners[k, 2] - z
+        ex, ey, ez = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
+        out = ex * bx + ey * by + ez * bz
+        # Inside a pyramid seen from the front of its element all are negative.
+        wide = radius * radius * (ex * ex + ey * ey + ez * ez) * (1.0 + _ROUNDING)
+        if out > 0.0 and out * out > wide:
+            return True
+        ax, ay, az = cx, cy, cz
+    return False
+
+
+@lean
+def _find_near(x, y, z, ball, more, spheres, near):
+    """Mark in ``near`` (n,) the elements that may meet a ball; nearly all do not.
+
+    As `meets`, with a cylinder in place of the cone.
+    """
+    bx, by, bz, radius = ball[0] - x, ball[1] - y, ball[2] - z, ball[3] + more
+    square = bx * bx + by * by + bz * bz
+    cx, cy, cz, radii = spheres[0], spheres[1], spheres[2], spheres[3]
+    for j in range(near.shape[0]):
+        sx, sy, sz = cx[j] - x, cy[j] - y, cz[j] - z
+        dot = bx * sx + by * sy + bz * sz
+        length2 = max(sx * sx + sy * sy + sz * sz, 1e-300)
+        t = min(max(dot / length2, 0.0), 1.0)
+        wide = radius + radii[j]
+        away = square - t * (2.0 * dot - t * length2)
+        near[j] = away <= wide * wide * (1.0 + _ROUNDING)
+
+
+@lean
+def _meets_parts(x, y, z, normal, more, seen, j, places, whole):
+    """Whether any patch of a ``whole`` place reaches into the shaft to element ``j``."""
+    sphere, plane, corners = seen.spheres[:, j], seen.planes[j], seen.corners[j]
+    for h in range(places.whole_ranges[whole, 0], places.whole_ranges[whole, 1]):
+        if not meets(x, y, z, sphere, plane, places.parts[h], more):
+            continue
+        if _beside(x, y, z, plane, corners, places.parts[h], more):
+            continue
+        for b in range(places.part_ranges[h, 0], places.part_ranges[h, 1]):
+            ball = places.patches[b]
+            if not _before(x, y, z, normal, ball, more):
+                continue
+            if not meets(x, y, z, sphere, plane, ball, more):
+                continue
+            if not _beside(x, y, z, plane, corners, ball, more):
+                return True
+    return False
 
 
 @parallel
-def find_touched_pairs(
-    nodes, normals, lifts, factors, spheres, planes, hulls, ranges, balls, open_rows, touched, again
-):  # fmt: skip
-    """Mark pairs of receiver and element whose shaft a ball may reach into.
+def find_touched_points(points, normals, seen, places, touched):
+    """Mark points from which something of a place may be in the way to anything.
 
-    Where no shaft to anything that is seen is met, the balls are out of sight, and no pair is.
+    Parameters
+    ----------
+    points, normals : (m, 3) array
+        Points [m] and unit normals.
+    seen : Seen
+        What is looked at.
+    places : Places
+        What may be in the way; what lies wholly behind a point's surface is not.
+    touched : (m,) bool array
+        Set where it is so.
+    """
+    for i in nb.prange(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        near = np.empty(seen.spheres.shape[1], dtype=np.bool_)
+        for w in range(places.wholes.shape[0]):
+            ball = places.wholes[w]
+            if touched[i] or not _before(x, y, z, normals[i], ball, 0.0):
+                continue
+            _find_near(x, y, z, ball, 0.0, seen.spheres, near)
+            for j in range(near.shape[0]):
+                if near[j] and _meets_parts(x, y, z, normals[i], 0.0, seen, j, places, w):
+                    touched[i] = True
+                    break
+
+
+@parallel
+def find_touched_pairs(nodes, normals, lifts, factors, seen, places, open_rows, touched, again):
+    """Mark pairs of receiver and element whose shaft something of a place may reach into.
+
+    Where no shaft to anything that is seen is met, the places are out of sight, and no pair is.
 
     Parameters
     ----------
@@ -89,58 +183,45 @@ def find_touched_pairs(
         Receiver nodes [m] and unit normals.
     lifts : (m,) array
         By how much the balls are larger for each receiver. [m]
-    factors, spheres, planes
-        As in `find_touched`.
-    hulls : (h, 4) array
-        Balls about some balls each.
-    ranges : (h, 2) int array
-        First and end of these.
-    balls : (b, 4) array
-        What matters; those wholly behind a receiver do not.
+    factors : (m, n) array
+        Form factors: what a receiver sees is what has one above 0.
+    seen : Seen
+        The elements.
+    places : Places
+        What matters; what lies wholly behind a receiver does not.
     open_rows : (m,) bool array
         Receivers that see something besides the elements: they see any ball before them.
     touched : (m, n) bool array
         Set where it is so. What is set before, as for elements that have moved, stays only where
-        balls are in sight.
+        places are in sight.
     again : (m,) bool array
-        Receivers of which all is set before; set where balls are in sight.
+        Receivers of which all is set before; set where places are in sight.
     """
     for i in nb.prange(nodes.shape[0]):
         if again[i]:
             continue
-        some = False
+        some, near = False, np.empty(factors.shape[1], dtype=np.bool_)
         for q in range(nodes.shape[1]):
             x, y, z, more = nodes[i, q, 0], nodes[i, q, 1], nodes[i, q, 2], lifts[i]
-            for h in range(hulls.shape[0]):
-                if not _before(x, y, z, normals[i, q], hulls[h], more):
+            normal = normals[i, q]
+            if open_rows[i]:
+                for b in range(places.patches.shape[0]):
+                    some |= _before(x, y, z, normal, places.patches[b], more)
+            for w in range(places.wholes.shape[0]):
+                ball = places.wholes[w]
+                if not _before(x, y, z, normal, ball, more):
                     continue
-                bx, by, bz = hulls[h, 0] - x, hulls[h, 1] - y, hulls[h, 2] - z
-                ball2, radius = bx * bx + by * by + bz * bz, hulls[h, 3] + more
-                if open_rows[i]:
-                    for b in range(ranges[h, 0], ranges[h, 1]):
-                        some |= _before(x, y, z, normals[i, q], balls[b], more)
-                for j in range(spheres.shape[0]):
-                    seen = factors[i, j] > 0.0
-                    if touched[i, j] and (some or not seen):
+                _find_near(x, y, z, ball, more, seen.spheres, near)
+                for j in range(factors.shape[1]):
+                    if not near[j]:
                         continue
-                    # Most are far off: as for `meets`, with a cylinder in place of the cone.
-                    sx, sy, sz = spheres[j, 0] - x, spheres[j, 1] - y, spheres[j, 2] - z
-                    dot = bx * sx + by * sy + bz * sz
-                    length2 = max(sx * sx + sy * sy + sz * sz, 1e-300)
-                    t = min(max(dot / length2, 0.0), 1.0)
-                    wide = radius + spheres[j, 3]
-                    if ball2 - t * (2.0 * dot - t * length2) > wide * wide * (1.0 + 1e-9):
+                    in_sight = factors[i, j] > 0.0
+                    if touched[i, j] and (some or not in_sight):
                         continue
-                    if not meets(x, y, z, spheres[j], planes[j], hulls[h], more):
-                        continue
-                    for b in range(ranges[h, 0], ranges[h, 1]):
-                        if _before(x, y, z, normals[i, q], balls[b], more) and meets(
-                            x, y, z, spheres[j], planes[j], balls[b], more
-                        ):
-                            touched[i, j] = True
-                            some |= seen
-                            break
+                    if _meets_parts(x, y, z, normal, more, seen, j, places, w):
+                        touched[i, j] = True
+                        some |= in_sight
         again[i] = some
         if not some:
-            for j in range(spheres.shape[0]):
+            for j in range(factors.shape[1]):
                 touched[i, j] = False

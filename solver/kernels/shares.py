@@ -14,7 +14,14 @@ import numpy as np
 from .compiled import kernel, lean
 from .cuts import ZENITH, azimuth_turn, place_points, tangent_frame
 from .grids import find_partly, share_grids
-from .meridian import cut_panels, list_crossing, list_facing, list_runs, make_lines
+from .meridian import (
+    cut_panels,
+    list_crossing,
+    list_facing,
+    list_runs,
+    make_lines,
+    want_lines,
+)
 from .sights import share_bright
 from .sweep import HIDDEN, SHOWN, height_bin, index_pieces, sweep
 
@@ -114,7 +121,7 @@ def make_shares(sources):
 
 
 @kernel
-def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
+def scan(x, n, own, turn, view, dark, sources, rounding, tone, lines, found):
     """Cut and sweep all panels about ``x``.
 
     Parameters
@@ -123,6 +130,8 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
         Flat element the receiver lies in, −1 where there is none.
     turn : float
         Azimuth of the first meridian. [rad]
+    view : (7,) array
+        View cone, as `rows.view_cone`: only meridians that pass through it are cut.
     dark : (g,) bool array
         Units of which nothing is seen.
     rounding : float
@@ -137,6 +146,7 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
         that are listed.
     """
     tangent_frame(n, turn, found.frame)
+    want_lines(view, n, found.frame, lines.wanted)
     found.covered[:] = 0.0
     found.visible[:] = 0.0
     found.hits[:] = 0.0
@@ -158,12 +168,12 @@ def scan(x, n, own, turn, dark, sources, rounding, tone, lines, found):
         sources.panel_corners, found.panel_before, found.listed, count, found.crossing
     )
     chords = cut_panels(
-        n, sources, own, found.frame, rounding, found.panel_local, found.above, found.crossing,
-        crossing, found.panel_unit, lines, found.covered, found.hits, found.crossed,
+        n, sources, own, found.frame, rounding, found.panel_local, found.panel_before, found.above,
+        found.crossing, crossing, found.panel_unit, lines, found.covered, found.hits, found.crossed,
     )  # fmt: skip
     if chords <= lines.panel.shape[0]:
         sweep(
-            lines, sources.panel_element, found.frame, n, tone, found.state, found.visible,
+            lines, sources.panel_element, found.frame, n, view, tone, found.state, found.visible,
             found.outside,
         )  # fmt: skip
         index_pieces(lines)
@@ -293,14 +303,18 @@ def share_asked(count, sources, blockers, lines, found):
 
 @kernel
 def find_shares(
-    x, n, own, flat, turn, dark, factors, sources, blockers, rounding, tone, lines, found
+    x, n, own, flat, turn, view, dark, factors, sources, blockers, rounding, tone, lines, found
 ):  # fmt: skip
-    """Shares of all elements, with as much room as it takes; returns the meridians."""
-    chords, count = scan(x, n, flat, turn, dark, sources, rounding, tone, lines, found)
+    """Shares of all elements in view, with as much room as it takes; returns the meridians.
+
+    Units apart from the view cone, as `rows.view_cone`, may be taken for ``dark``: they hide
+    nothing in it.
+    """
+    chords, count = scan(x, n, flat, turn, view, dark, sources, rounding, tone, lines, found)
     if chords > lines.panel.shape[0]:
         lines = make_lines(sources.azimuths, 2 * chords)
-        scan(x, n, flat, turn, dark, sources, rounding, tone, lines, found)
-    find_partly(x, n, sources, found)
+        scan(x, n, flat, turn, view, dark, sources, rounding, tone, lines, found)
+    find_partly(x, n, dark, sources, found)
     share_grids(sources, lines, found)
     asked = share_met(own, factors, found)
     asked = share_between(x, n, asked, sources, lines, found)

@@ -3,6 +3,8 @@
 Depth is compared where chords begin; a chord that is passed over waits for the nearer one to end.
 """
 
+import math
+
 import numpy as np
 
 from .compiled import kernel, lean
@@ -70,9 +72,11 @@ def _sort_chords(first, span, chain, order, other):
 
 @lean
 def _sweep_line(
-    first, span, chain, piece, piece_panel, pieces, order, active, axis, n, tone, line_out
+    first, span, chain, piece, piece_panel, pieces, order, active, axis, n, ends, tone, line_out
 ):  # fmt: skip
     """Find what is nearest along the meridian whose chords start with ``first``.
+
+    Sky and ground are looked for between the tangents ``ends`` (2,).
 
     Stores the pieces from number ``pieces`` on, with their chords for their panels, and returns the
     number of the next one.
@@ -95,7 +99,7 @@ def _sweep_line(
                 waiting = kept
                 found = _nearest(span, active, waiting, at, until)
                 if found < 0:
-                    add_gap(at, until, axis, n, tone, line_out)
+                    add_gap(max(at, ends[0]), min(until, ends[1]), axis, n, tone, line_out)
                     at = until
                     break
                 winner = active[found]
@@ -134,8 +138,29 @@ def _sweep_line(
     return pieces
 
 
+@lean
+def _view_ends(axis, n, view, ends):
+    """Tangents of elevation between which a meridian along ``axis`` passes through a view cone."""
+    ends[0], ends[1] = 0.0, ZENITH
+    if view[3] > 1.0:
+        return
+    a = axis[0] * view[0] + axis[1] * view[1] + axis[2] * view[2]
+    b = n[0] * view[0] + n[1] * view[1] + n[2] * view[2]
+    size = math.sqrt(a * a + b * b)
+    if size <= view[4]:
+        ends[1] = 0.0
+        return
+    middle, half = math.atan2(b, a), math.acos(view[4] / size)
+    low, high = max(middle - half, 0.0), min(middle + half, 0.5 * math.pi)
+    if high <= low:
+        ends[1] = 0.0
+        return
+    ends[0] = math.tan(low) if low < 0.5 * math.pi else ZENITH
+    ends[1] = min(math.tan(high), ZENITH) if high < 0.5 * math.pi else ZENITH
+
+
 @kernel
-def sweep(lines, element, frame, n, tone, state, visible, outside):
+def sweep(lines, element, frame, n, view, tone, state, visible, outside):
     """Find what is nearest along every meridian, and what is seen of sky and ground.
 
     Parameters
@@ -144,6 +169,8 @@ def sweep(lines, element, frame, n, tone, state, visible, outside):
         Chords from `cut_panels`; receives the pieces.
     element : (p,) int array
         Element of each panel, −1 if it is not of one alone.
+    view : (7,) array
+        View cone, as `rows.view_cone`, in which sky and ground are looked for.
     state : (p,) int array
         Receives `SHOWN` and `HIDDEN` of the panels that are met.
     visible : (elements,) array
@@ -157,20 +184,22 @@ def sweep(lines, element, frame, n, tone, state, visible, outside):
     order, active, shown, axes = lines.order, lines.active, lines.shown, lines.axes
     number = head.shape[0]
     outside[:] = 0.0
-    axis, now = np.empty(3), np.empty(3)
+    axis, now, ends = np.empty(3), np.empty(3), np.empty(2)
     before, first = np.empty(3), np.empty(3)
     start[0] = 0
     for k in range(number):
         for c in range(3):
             axis[c] = axes[k, 0] * frame[0, c] + axes[k, 1] * frame[1, c]
             now[c] = 0.0
+        _view_ends(axis, n, view, ends)
         s = head[k]
         while s >= 0:
             shown[s] = HIDDEN
             s = chain[s]
         start[k + 1] = _sweep_line(
-            head[k], span, chain, piece, piece_panel, start[k], order, active, axis, n, tone, now
-        )
+            head[k], span, chain, piece, piece_panel, start[k], order, active, axis, n, ends,
+            tone, now,
+        )  # fmt: skip
         for m in range(start[k], start[k + 1]):
             s = piece_panel[m]
             f = panel[s]

@@ -219,7 +219,7 @@ def test_a_run_is_refused_before_it_begins(free, monkeypatch):
     def must_not_begin(*_, **__):
         raise AssertionError("the geometry was looked at before the memory")
 
-    monkeypatch.setattr("patchlight.solver.simulation.make_blockers", must_not_begin)
+    monkeypatch.setattr("patchlight.solver.simulation.kept_blockers", must_not_begin)
     room = scene(setup(Body(PatchSet.box((4, 5, 2.7), inward=True))))
     free(MB // 200)
     with pytest.raises(OutOfMemoryError, match="larger number than 0.05") as error:
