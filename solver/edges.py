@@ -81,11 +81,14 @@ def make_edges(
     point, tangent = _on_edges(unique, patch_nets, rule, weight)
     point = point - origin
     moment = np.cross(point, tangent)
-    missed = np.zeros((len(unique), 3))
-    if shared:
-        fine, along = _on_edges(unique, patch_nets, *gauss_rule(_FINE_NODES))
-        missed = np.cross(fine - origin, along).sum(axis=1) - moment.sum(axis=1)
     inside, area = area_points(nets, EDGE_NODES)
+    missed = np.zeros(n)
+    if shared:
+        rough = _products(point, tangent)
+        fine, along = _on_edges(unique, patch_nets, *gauss_rule(_FINE_NODES))
+        off = (_products(fine - origin, along) - rough)[inverse.reshape(n, 4)]
+        off[:, 2:] *= -1.0
+        missed = np.linalg.norm(off.sum(axis=1), axis=(1, 2))
     return Edges(
         edge_origin=writable(origin),
         edge_point=writable(point.transpose(2, 1, 0)),
@@ -98,11 +101,7 @@ def make_edges(
         edge_sign=writable(1.0 - 2.0 * side),
         area_point=writable((inside - origin).transpose(2, 0, 1)),
         area_normal=writable(area.transpose(2, 0, 1)),
-        edge_error=writable(
-            0.5
-            * np.linalg.norm(missed, axis=1)[inverse.reshape(n, 4)].sum(axis=1)
-            / np.maximum(np.linalg.norm(area.sum(axis=1), axis=1), 1e-300)
-        ),
+        edge_error=missed / np.maximum(np.linalg.norm(area.sum(axis=1), axis=1), 1e-300),
         **_means(nets, inside - origin, area, origin, cones),
     )
 
@@ -129,6 +128,11 @@ def _on_edges(
     tangent = np.where(is_v[:, :, None], sv, su)[:, :nodes] * (length * weight)[:, :, None]
     missed = point[:, -1] - point[:, -2] - tangent.sum(axis=1)
     return point[:, :nodes], tangent + missed[:, None] * weight[:, None]
+
+
+def _products(points: FloatArray, tangents: FloatArray) -> FloatArray:
+    """∫ p dp (e, 3, 3) along edges, given points and weighted tangents (e, g, 3)."""
+    return np.asarray(points.swapaxes(1, 2) @ tangents)
 
 
 def _means(
