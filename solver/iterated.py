@@ -32,7 +32,7 @@ from .model.result import luminous
 from .unknowns import Unknowns
 
 if TYPE_CHECKING:
-    from .field import Field
+    from .solved_field import Field
 
 #: Light that varies in an element by this share of its mean is taken for the least variation: the
 #: nodes may miss what lies between them.

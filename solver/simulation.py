@@ -11,7 +11,7 @@ from .containment import Containment
 from .effort import check_effort
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
-from .field import Field, FieldSolver
+from .field import FieldSolver
 from .incident import Gathered
 from .iterated import Finer
 from .kept_placement import placement_remarks
@@ -27,6 +27,7 @@ from .model.scene import SceneData
 from .reuse import STORE, Kept, Mesh, forget
 from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
+from .solved_field import Field
 from .stages import Progress, Stages
 from .surfaces import reflectances
 from .topology import is_single, make_blockers
