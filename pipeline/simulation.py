@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -14,7 +15,7 @@ from patchlight.solver.model import Result, SceneData
 from .scene import Scene
 
 Progress = Callable[[str, int, int], None]
-#: Folders without compiled kernels that this process was told of.
+#: Folders of compiled kernels that were full, or that this process was told are not.
 _SAID: set[Path] = set()
 
 
@@ -139,8 +140,10 @@ def compiling_is_news() -> bool:
     """Whether kernels are compiled from here on; True only the first time, for who will tell it."""
     from patchlight.solver.numba_cache import use_cache_folder
 
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given and Path(given) in _SAID:
+        return False  # to look into it takes longer than small scenes should
     folder, warm = use_cache_folder()
-    if warm or folder in _SAID:
-        return False
+    news = not warm and folder not in _SAID
     _SAID.add(folder)
-    return True
+    return news

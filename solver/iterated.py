@@ -274,9 +274,10 @@ class Lift:
     @classmethod
     def of(cls, unknowns: Unknowns, fine: Unknowns, chosen: IntArray) -> Lift:
         old, new = unknowns.of_elements(chosen), fine.of_elements(chosen)
-        was = np.setdiff1d(np.arange(len(unknowns)), old)
-        same = np.setdiff1d(np.arange(len(fine)), new)
-        return cls(old, new, was, same, unknowns.between_halves())
+        was, same = np.ones(len(unknowns), dtype=bool), np.ones(len(fine), dtype=bool)
+        was[old] = same[new] = False
+        rest = np.flatnonzero(was), np.flatnonzero(same)
+        return cls(old, new, *rest, unknowns.between_halves())
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """Values (N, …) of the unknowns at the finer ones."""

@@ -221,7 +221,7 @@ class Simulation:
             opaque = scene.without_panes
             solids = opaque.patches, opaque.closed, opaque.patches.part_index
             blockers = kept.find("blockers", (), lambda: make_blockers(*solids))
-            tester = Containment(scene)
+            tester = Containment(scene, blockers)
             stages.warnings.extend(placement_remarks(scene, tester, kept))
         self._say_skipped(blockers)
         told, elements = self.budget.basis, self.budget.elements
@@ -333,7 +333,7 @@ class Simulation:
         self, solver: FieldSolver, kept: Kept, solved: Solved, *, converged: bool
     ) -> None:
         """Keep what a later run needs to take the same mesh."""
-        if self._own_mesh is None:
+        if self._own_mesh is None or self.store is None:
             return
         boxes, misplaced = self._own_mesh
         field = solved.field
