@@ -98,6 +98,13 @@ def tangents(
     return _euclidean(h, hu, hv)
 
 
+def curve_points(curves: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points and first derivatives (n, k, 3) of rational cubics (n, 4, 4) at ``t`` (n, k)."""
+    h, along = bernstein(t) @ curves, bernstein_derivative(t) @ curves
+    point = h[..., :3] / h[..., 3:]
+    return point, (along[..., :3] - along[..., 3:] * point) / h[..., 3:]
+
+
 def surface_points(
     nets: FloatArray, u: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
