@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -17,7 +18,7 @@ from .scene import Scene
 Progress = Callable[[str, int, int], None]
 #: What is said where kernels are not compiled yet.
 COMPILING = "the kernels are compiled on the way, once"
-#: Folders without compiled kernels that this process was told of.
+#: Folders of compiled kernels that were full, or that this process was told are not.
 _SAID: set[Path] = set()
 
 
@@ -140,8 +141,10 @@ def announce_kernels(progress: Progress | None) -> None:
 
 def compiling_is_news() -> bool:
     """Whether kernels are compiled from here on; True only the first time, for who will tell it."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given and Path(given) in _SAID:
+        return False  # to look into it takes longer than small scenes should
     folder, warm = compile_ahead()
-    if warm or folder in _SAID:
-        return False
+    news = not warm and folder not in _SAID
     _SAID.add(folder)
-    return True
+    return news

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import TYPE_CHECKING
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 from .model.arrays import FloatArray, IntArray, check_finite, check_shape, frozen
 from .model.patches import PatchSet
 from .model.scene import SceneData
 from .raycast import RayCaster
+
+if TYPE_CHECKING:
+    from .kernels.pyramid import Blockers
 
 #: Directions of the votes: no axis, diagonal or plane of symmetry comes near them.
 _DIRECTIONS = frozen(
@@ -79,18 +85,40 @@ class Containment:
     ----------
     scene : SceneData
         Only patches of closed solids take part.
+    blockers : Blockers, optional
+        Its patches without panes: they tell scenes in which nothing is asked, see `Attributes`.
+
+    Attributes
+    ----------
+    is_cavity : bool
+        Whether one convex cavity is known to be all there is: nothing covers its walls.
     """
 
-    def __init__(self, scene: SceneData) -> None:
-        patches = scene.patches
+    def __init__(self, scene: SceneData, blockers: Blockers | None = None) -> None:
+        from .topology import is_single
+
+        self._scene = scene
+        no_pane = scene.opaque_count == len(scene.patches)
+        self.is_cavity = blockers is not None and no_pane and is_single(blockers, blockers.hollow)
+
+    @cached_property
+    def _material(self) -> NDArray[np.bool_]:
+        """Patches (p,) of closed solids other than air."""
+        scene = self._scene
         air = np.array([part.kind == "air" for part in scene.parts], dtype=bool)
         closed = np.asarray(scene.closed, dtype=bool)
-        in_air = air[patches.part_index] if air.size else np.zeros(len(patches), dtype=bool)
-        rows = np.flatnonzero(closed & ~in_air)
-        self._solids = Volumes(patches.take(rows), len(scene.parts))
-        every = np.flatnonzero(closed)
-        same = len(every) == len(rows)
-        self._closed = self._solids.caster if same else RayCaster(patches.take(every))
+        return closed & ~air[scene.patches.part_index] if air.size else closed
+
+    @cached_property
+    def _solids(self) -> Volumes:
+        rows = np.flatnonzero(self._material)
+        return Volumes(self._scene.patches.take(rows), len(self._scene.parts))
+
+    @cached_property
+    def _closed(self) -> RayCaster:
+        every = np.flatnonzero(self._scene.closed)
+        same = len(every) == int(self._material.sum())
+        return self._solids.caster if same else RayCaster(self._scene.patches.take(every))
 
     def parts_at(self, points: ArrayLike) -> IntArray:
         """Row of a part whose material each point (m, 3) lies in, −1 for none: (m,) int. [m]"""
@@ -107,7 +135,7 @@ class Containment:
         x, n = frozen(nodes), frozen(normals)
         check_shape("nodes", x, (None, 3))
         check_shape("normals", n, x.shape)
-        if not len(self._closed.patches):
+        if self.is_cavity or not self._scene.closed.any():
             return np.zeros(len(x), dtype=bool)
         # From below the node upwards: its own face is met from behind, a face lying on it from
         # the front, also when it bounds a plate thinner than the distance.

@@ -8,7 +8,7 @@ import numpy as np
 
 from .kernels.edges import Edges
 from .model.arrays import FloatArray, IntArray, unique_rows
-from .model.bezier import area_points, gauss_rule, surface_points
+from .model.bezier import area_points, bernstein, curve_points, gauss_rule
 from .topology import writable
 
 #: Gauss nodes on an edge, and along u and v inside an element.
@@ -78,14 +78,18 @@ def make_edges(
     unique, inverse = unique_rows(keys)
     origin = (nets[..., :3] / nets[..., 3:]).reshape(-1, 3).mean(axis=0)
     rule, weight = gauss_rule(EDGE_NODES)
-    point, tangent = _on_edges(unique, patch_nets, rule, weight)
+    curves = _curves(unique, patch_nets)
+    point, tangent = _on_edges(unique, curves, rule, weight)
     point = point - origin
     moment = np.cross(point, tangent)
-    missed = np.zeros((len(unique), 3))
-    if shared:
-        fine, along = _on_edges(unique, patch_nets, *gauss_rule(_FINE_NODES))
-        missed = np.cross(fine - origin, along).sum(axis=1) - moment.sum(axis=1)
     inside, area = area_points(nets, EDGE_NODES)
+    missed = np.zeros(n)
+    if shared:
+        rough = _products(point, tangent)
+        fine, along = _on_edges(unique, curves, *gauss_rule(_FINE_NODES))
+        off = (_products(fine - origin, along) - rough)[inverse.reshape(n, 4)]
+        off[:, 2:] *= -1.0
+        missed = np.linalg.norm(off.sum(axis=1), axis=(1, 2))
     return Edges(
         edge_origin=writable(origin),
         edge_point=writable(point.transpose(2, 1, 0)),
@@ -98,19 +102,24 @@ def make_edges(
         edge_sign=writable(1.0 - 2.0 * side),
         area_point=writable((inside - origin).transpose(2, 0, 1)),
         area_normal=writable(area.transpose(2, 0, 1)),
-        edge_error=writable(
-            0.5
-            * np.linalg.norm(missed, axis=1)[inverse.reshape(n, 4)].sum(axis=1)
-            / np.maximum(np.linalg.norm(area.sum(axis=1), axis=1), 1e-300)
-        ),
+        edge_error=missed / np.maximum(np.linalg.norm(area.sum(axis=1), axis=1), 1e-300),
         **_means(nets, inside - origin, area, origin, cones),
     )
 
 
+def _curves(edges: FloatArray, patch_nets: FloatArray) -> FloatArray:
+    """Cubics (e, 4, 4), homogeneous, that edges (e, 5) as `make_edges` lists them lie on."""
+    across = bernstein(edges[:, 2])[:, None]
+    nets = patch_nets[edges[:, 0].astype(np.int64)]
+    along_v = edges[:, 1] == 1.0
+    nets[along_v] = nets[along_v].swapaxes(1, 2)  # those at a fixed u
+    return np.asarray((across[:, None] @ nets)[:, :, 0])
+
+
 def _on_edges(
-    edges: FloatArray, patch_nets: FloatArray, rule: FloatArray, weight: FloatArray
+    edges: FloatArray, curves: FloatArray, rule: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Points and weighted tangents (e, g, 3) on edges (e, 5) as `make_edges` lists them.
+    """Points and weighted tangents (e, g, 3) on edges (e, 5) of `_curves`.
 
     From afar all of a contour but its area cancels: the tangents of an edge are made to sum to the
     step between its ends.
@@ -119,16 +128,15 @@ def _on_edges(
     length = (edges[:, 4] - edges[:, 3])[:, None]
     # Both ends behind the nodes.
     running = edges[:, 3:4] + length * np.append(rule, (0.0, 1.0))
-    fixed = np.repeat(edges[:, 2:3], nodes + 2, axis=1)
-    is_v = edges[:, 1:2] == 1.0
-    point, su, sv = surface_points(
-        patch_nets[edges[:, 0].astype(np.int64)],
-        np.where(is_v, fixed, running),
-        np.where(is_v, running, fixed),
-    )
-    tangent = np.where(is_v[:, :, None], sv, su)[:, :nodes] * (length * weight)[:, :, None]
+    point, along = curve_points(curves, running)
+    tangent = along[:, :nodes] * (length * weight)[:, :, None]
     missed = point[:, -1] - point[:, -2] - tangent.sum(axis=1)
     return point[:, :nodes], tangent + missed[:, None] * weight[:, None]
+
+
+def _products(points: FloatArray, tangents: FloatArray) -> FloatArray:
+    """∫ p dp (e, 3, 3) along edges, given points and weighted tangents (e, g, 3)."""
+    return np.asarray(points.swapaxes(1, 2) @ tangents)
 
 
 def _means(

@@ -35,7 +35,7 @@ from .walls import find_walls, walls_under
 ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 512, 16384
 #: How often a partly hidden element is quartered at most.
 LEVELS = 8
-#: Entries of a matrix below which threads cost more than they save.
+#: Products of numbers below which threads cost more than they save.
 SMALL = 1 << 18
 #: Relative rounding of factors of single precision.
 ROUNDING = 2.0**-24
@@ -110,11 +110,12 @@ def products(matrix: MatrixArray, light: FloatArray) -> FloatArray:
     """
     if isinstance(matrix, PackedMatrix):
         return matrix.products(light)
-    if matrix.size < SMALL:
-        return np.einsum("mn,n...->m...", matrix, light)
     columns = writable(light.reshape(len(light), math.prod(light.shape[1:])).T)
-    out = np.empty((len(matrix), len(columns)))
-    multiply(matrix, columns, out)
+    if matrix.size * len(columns) < SMALL:
+        out = np.einsum("mn,cn->mc", matrix, columns)
+    else:
+        out = np.empty((len(matrix), len(columns)))
+        multiply(matrix, columns, out)
     return out.reshape(len(matrix), *light.shape[1:])
 
 

@@ -20,9 +20,9 @@ from .surfaces import Surfaces
 from .web_field import WebField
 
 if TYPE_CHECKING:
-    from .field import Field
     from .incident import Gathered
     from .iterated import Finer
+    from .solved_field import Field
 
 
 class Highlights:

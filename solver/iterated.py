@@ -32,7 +32,7 @@ from .model.result import luminous
 from .unknowns import Unknowns
 
 if TYPE_CHECKING:
-    from .field import Field
+    from .solved_field import Field
 
 #: Light that varies in an element by this share of its mean is taken for the least variation: the
 #: nodes may miss what lies between them.
@@ -276,9 +276,10 @@ class Lift:
     @classmethod
     def of(cls, unknowns: Unknowns, fine: Unknowns, chosen: IntArray) -> Lift:
         old, new = unknowns.of_elements(chosen), fine.of_elements(chosen)
-        was = np.setdiff1d(np.arange(len(unknowns)), old)
-        same = np.setdiff1d(np.arange(len(fine)), new)
-        return cls(old, new, was, same, unknowns.between_halves())
+        was, same = np.ones(len(unknowns), dtype=bool), np.ones(len(fine), dtype=bool)
+        was[old] = same[new] = False
+        rest = np.flatnonzero(was), np.flatnonzero(same)
+        return cls(old, new, *rest, unknowns.between_halves())
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """Values (N, …) of the unknowns at the finer ones."""

@@ -115,8 +115,10 @@ def check_memory(
     more : int
         As in `needed_bytes`; what has mirrors or panes is not packed.
     """
-    free = available_bytes()
     need = needed_bytes(elements, largest_grid, more)
+    if need < PAIR_BYTES * SMALL_MATRIX:
+        return
+    free = available_bytes()
     if free is None or (need <= free and (more or elements <= DENSE_UNKNOWNS)):
         return
     sensors = (PAIR_BYTES + more) * elements * largest_grid

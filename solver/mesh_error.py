@@ -14,7 +14,7 @@ from .model.arrays import FloatArray, MatrixArray
 from .model.elements import Elements
 
 if TYPE_CHECKING:
-    from .field import Field
+    from .solved_field import Field
 
 #: What light next to edges may still have wrong against how it changed on halved elements: an error
 #: that falls with the power p of their size leaves 1 / (2^p − 1) of the change. What light lacks

@@ -24,7 +24,6 @@ from .refinement import Looked, Refiner
 from .reuse import LOOSER, Kept, Mesh, tolerances
 from .stages import Stages
 from .surfaces import reflectances
-from .topology import is_single
 
 #: Distance above a surface at which it is asked whether something lies on it, relative to the
 #: scene's size.
@@ -66,7 +65,7 @@ class Mesher:
     ) -> None:
         self.kept = Kept(scene, stages=stages) if kept is None else kept
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
-        self._containment = Containment(scene) if tester is None else tester
+        self._containment = Containment(scene, blockers) if tester is None else tester
         self._refiner: Refiner | None = None
         #: Whether neighbours are to differ by one cut at most; see `balance`.
         self.balance = False
@@ -91,9 +90,6 @@ class Mesher:
 
     def buried(self, points: FloatArray, normals: FloatArray) -> IntArray:
         """Whether points (m, 3) of surfaces are covered, (m,) bool."""
-        alone = self.scene.opaque_count == len(self.scene.patches)
-        if alone and is_single(self.blockers, self.blockers.hollow):
-            return np.zeros(len(points), dtype=bool)  # there is one convex cavity, and no pane
         return self._containment.buried(points, normals, self.contact)
 
     def boxes(self, budget: Budget) -> tuple[Boxes, float]:

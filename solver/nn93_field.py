@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from .budget import Budget
 from .exchange import Rows, make_sources
 from .exchange import products as multiplied
-from .field import Field, FieldSolver
+from .field import FieldSolver
 from .fineness import Fineness
 from .incident import Gathered, Light
 from .kernels.nets import PLANAR
@@ -33,6 +33,7 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .radiosity import RadiositySystem
+from .solved_field import Field
 from .surfaces import Receivers, Surfaces
 from .topology import writable
 from .unknowns import Unknowns

@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .exchange import ROUNDING
-from .field import Field, FieldSolver
+from .field import FieldSolver
 from .iterated import as_it_is
 from .mesh import Boxes
 from .mesh_error import MeshError
@@ -24,6 +24,7 @@ from .reuse import Kept
 from .row_finder import FINE_SHARE
 from .rule_error import OF_RULES
 from .simulation import Options, Simulation, Solved
+from .solved_field import Field
 from .stages import Stages
 
 #: Said with every result.

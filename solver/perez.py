@@ -21,6 +21,7 @@ which is the form of CIE S 011 with c and e divided by 1 + c exp(d π/2).
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -151,6 +152,7 @@ def _of(sky: PerezSky) -> tuple[FloatArray, FloatArray, FloatArray]:
     return clearness(direct, diffuse, zenith), brightness(diffuse, zenith, nearness), zenith
 
 
+@lru_cache(maxsize=64)
 def sky_shape(sky: PerezSky) -> tuple[float, float, float, float, float]:
     """a, b, c, d, e of the sky in the form of CIE S 011."""
     a, b, c, d, e = in_form_of_cie(shapes(*_of(sky)))[0].tolist()

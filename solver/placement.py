@@ -138,7 +138,9 @@ def _dark_lamps(
     scene: SceneData, tester: Containment, distance: float, *, least: float
 ) -> list[str]:
     """Lamps of whose emitting sides a share of ``least`` lies inside or against something."""
-    lines = []
+    lines: list[str] = []
+    if tester.is_cavity:
+        return lines
     for luminaire, x, n, areas in _lamp_points(scene):
         buried = tester.buried(x, n, distance)
         share = _share(buried, areas)

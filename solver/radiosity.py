@@ -100,8 +100,14 @@ class RadiositySystem:
     @cached_property
     def _kinds(self) -> tuple[FloatArray, IntArray]:
         """Different reflectances (k, n), and which one each band has."""
-        kinds, band = np.unique(self.reflectance.T, axis=0, return_inverse=True)
-        return kinds, band.ravel()
+        kinds: list[FloatArray] = []
+        band = []
+        for column in self.reflectance.T:
+            same = [k for k, kind in enumerate(kinds) if np.array_equal(kind, column)]
+            band.append(same[0] if same else len(kinds))
+            if not same:
+                kinds.append(column)
+        return np.array(kinds), np.array(band)
 
     def solve(self, direct: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Reflected exitance (n, b) [lm/m²] by light group of direct irradiance (n, b). [lx]

@@ -242,6 +242,8 @@ class Kept:
         ``sees_out`` tells whether light could leave the scene when rows were found, ``which`` sets
         of rows of one name apart.
         """
+        if self.store is None:
+            return make()
         before = list(self.hits.get(name, (0, 0)))
         sky = self.scene.sky
         tone = np.empty(0) if sky is None else np.asarray(sky_tone(sky))
@@ -271,7 +273,7 @@ class Kept:
 
             out: Any = (under_sky(found[0], value[1], tone, asked, look), *found[1:])
             found = out
-        if self.store is not None and renew is not None:
+        if renew is not None:
             nets = self.scene.patches.control_points
             self.store.put(where, Arrangement.of(nets, asked, found, tone))
         return found

@@ -18,8 +18,9 @@ from .renewed import renewed_unoccluded
 from .reuse import Kept
 from .row_finder import Ask
 
-#: Pairs that are looked at, and sensors at least.
-PAIRS, SENSORS = 50_000, 8
+#: Pairs that are looked at, and sensors at least and at most: by 40 of them the share of `COVERED`
+#: is known to 4 %.
+PAIRS, SENSORS, MOST_SENSORS = 50_000, 8, 40
 #: Accuracy of what rows are compared with, against theirs.
 FINER = 1.0 / 30.0
 #: Error of unoccluded factors against the accuracy that their rules are chosen for, where it is not
@@ -32,7 +33,14 @@ COVERED = 0.95
 
 
 def rule_error(
-    rows: Rows, asked: Ask, blockers: Blockers, eps: float, sent: FloatArray, kept: Kept
+    rows: Rows,
+    asked: Ask,
+    blockers: Blockers,
+    eps: float,
+    sent: FloatArray,
+    kept: Kept,
+    *,
+    trace: bool,
 ) -> tuple[FloatArray, FloatArray]:
     """Error (m,) of light by straight form factors, and that light (m,). [lx]
 
@@ -50,17 +58,24 @@ def rule_error(
         Exitance of the elements, without what rows do not tell; panes may follow. [lm/m²]
     kept : Kept
         Has what was found for the same rows before.
+    trace : bool
+        Whether anything can hide anything: else the rows are unoccluded themselves.
     """
     m, n = len(rows.factors), len(asked.sources.nets)
     factors, sent = rows.factors[:, :n], sent[:n]  # of panes nothing is known here
     light = products(np.ascontiguousarray(factors), sent)
     if not light.any():
         return light, light
-    count = min(m, max(SENSORS, PAIRS // n))
+    count = min(m, max(SENSORS, min(MOST_SENSORS, PAIRS // n)))
     some = np.unique(np.linspace(0, m - 1, count).round().astype(np.int64))
-    found, finer = kept.of_rows(
-        "rules", rows, (eps,), lambda: _kept_unoccluded(asked.taken(some), blockers, eps, kept)
-    )
+    few = asked.taken(some)
+
+    def look() -> tuple[MatrixArray, MatrixArray]:
+        if trace:
+            return _kept_unoccluded(few, blockers, eps, kept)
+        return factors[some], _unoccluded(few, blockers, FINER * eps)
+
+    found, finer = kept.of_rows("rules", rows, (eps,), look)
     in_sight = np.minimum(factors[some], found) / np.where(found > 0.0, found, 1.0)
     off = np.abs(((found - finer) * in_sight) @ sent)
     lit = light[some] > 0.0
@@ -71,22 +86,18 @@ def rule_error(
     return OF_MEASURED * out + ROUNDING * light, light
 
 
-def _unoccluded(ask: Ask, blockers: Blockers, eps: float) -> tuple[MatrixArray, MatrixArray]:
-    """Form factors (k, n) as if nothing hid anything: as accurate as ``eps``, and finer."""
-    found, finer = (
-        form_factor_matrix(
-            ask.receivers.nodes,
-            ask.receivers.normals,
-            ask.receivers.weights,
-            ask.receivers.patches,
-            ask.sources,
-            blockers,
-            eps=accuracy,
-            trace=False,
-        ).factors
-        for accuracy in (eps, FINER * eps)
-    )
-    return found, finer
+def _unoccluded(ask: Ask, blockers: Blockers, eps: float) -> MatrixArray:
+    """Form factors (k, n) of accuracy ``eps`` as if nothing hid anything."""
+    return form_factor_matrix(
+        ask.receivers.nodes,
+        ask.receivers.normals,
+        ask.receivers.weights,
+        ask.receivers.patches,
+        ask.sources,
+        blockers,
+        eps=eps,
+        trace=False,
+    ).factors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +121,8 @@ class _Known:
 def _kept_unoccluded(
     ask: Ask, blockers: Blockers, eps: float, kept: Kept
 ) -> tuple[MatrixArray, MatrixArray]:
-    """As `_unoccluded`; of elements that stand as in a run before nothing is found."""
+    """As `_unoccluded` with ``eps``, and finer; of elements that stand as in a run before nothing
+    is found."""
     sources = ask.sources
     key = ask.receivers, sources.patch, sources.azimuths, eps
     before: _Known | None = kept.of_parts("rules", key)
@@ -118,7 +130,7 @@ def _kept_unoccluded(
     # Without meridians edges are integrated for all elements of a patch at once.
     scanned = len(sources.azimuths) > 0
     if before is None or not scanned or before.nets.shape != sources.nets.shape:
-        found, finer = _unoccluded(ask, blockers, eps)
+        found, finer = (_unoccluded(ask, blockers, e) for e in (eps, FINER * eps))
     else:
         found, finer = before.found.copy(), before.finer.copy()
         moved = (before.nets != sources.nets).any(axis=(1, 2, 3)) | (before.of != of).any(axis=0)

@@ -11,7 +11,7 @@ from .containment import Containment
 from .effort import check_effort
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
-from .field import Field, FieldSolver
+from .field import FieldSolver
 from .incident import Gathered
 from .iterated import Finer
 from .kept_placement import placement_remarks
@@ -28,6 +28,7 @@ from .moved_blockers import kept_blockers
 from .reuse import STORE, Kept, Mesh, forget
 from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
+from .solved_field import Field
 from .stages import Progress, Stages
 from .surfaces import reflectances
 from .topology import is_single
@@ -221,7 +222,7 @@ class Simulation:
             opaque = scene.without_panes
             solids = opaque.patches, opaque.closed, opaque.patches.part_index
             blockers = kept_blockers(kept, *solids)
-            tester = Containment(scene)
+            tester = Containment(scene, blockers)
             stages.warnings.extend(placement_remarks(scene, tester, kept))
         self._say_skipped(blockers)
         told, elements = self.budget.basis, self.budget.elements
@@ -333,7 +334,7 @@ class Simulation:
         self, solver: FieldSolver, kept: Kept, solved: Solved, *, converged: bool
     ) -> None:
         """Keep what a later run needs to take the same mesh."""
-        if self._own_mesh is None:
+        if self._own_mesh is None or self.store is None:
             return
         boxes, misplaced = self._own_mesh
         field = solved.field

@@ -19,6 +19,7 @@ Type 16 is the traditional overcast sky [2], L / L_z = (1 + 2 sin γ) / 3.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -213,6 +214,7 @@ def sky_tone(sky: Sky) -> FloatArray:
     return np.concatenate([sky_parameters(sky), sun_direction(sky)])
 
 
+@lru_cache(maxsize=64)
 def sky_parameters(sky: Sky) -> FloatArray:
     """Parameters of `kernels.sky_luminance.sky_luminance`: form, a, b, c, d, e, factor [cd/m²].
 

@@ -140,8 +140,8 @@ class Surfaces:
 
     def emitted_by(self, scene: SceneData, group: str) -> FloatArray:
         """Exitance (n, b) that one light group emits alike in all directions. [lm/m²]"""
-        rows = [k for k, lamp in enumerate(scene.luminaires) if lamp.group == group]
-        return np.where(np.isin(self.lamp, rows)[:, None], self.diffuse, 0.0)
+        of_group = np.array([*(lamp.group == group for lamp in scene.luminaires), False])
+        return np.where(of_group[self.lamp][:, None], self.diffuse, 0.0)  # −1 is the last
 
 
 def reflectances(scene: SceneData) -> FloatArray:

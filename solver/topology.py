@@ -15,6 +15,8 @@ from .model.patches import PatchSet
 NARROW = 0.01
 #: Nets at a time whose points are compared with each other.
 _NETS = 512
+#: Patches at a time of which it is asked what lies before them: most solids show it at the first.
+_PATCHES = 16
 #: A unit vector along which edges are sorted.
 _ASKEW = np.array([0.5773, 0.6081, 0.5450])
 
@@ -48,8 +50,7 @@ def _points_and_normals(
     nets: FloatArray, u: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Points and ∂u × ∂v (n, k, 3) of all nets at the same parameters (k,)."""
-    shape = (len(nets), len(u))
-    points, su, sv = surface_points(nets, np.broadcast_to(u, shape), np.broadcast_to(v, shape))
+    points, su, sv = surface_points(nets, u, v)
     return points, np.cross(su, sv)
 
 
@@ -174,11 +175,14 @@ def convexity(
         size = float(np.ptp(points, axis=0).max())
         highest, lowest = -np.inf, np.inf
         corners = (own[:, ::3, ::3, :3] / own[:, ::3, ::3, 3:]).reshape(-1, 3)
-        for at, normals in zip(*_points_and_normals(own, u, v), strict=True):
-            length = np.linalg.norm(normals, axis=1)
-            good = length > 1e-9 * max(float(length.max()), 1e-300)
-            normals = normals[good] / length[good, None]
-            height = np.einsum("ak,abk->ab", normals, corners[None] - at[good][:, None])
+        at, normals = _points_and_normals(own, u, v)
+        length = np.linalg.norm(normals, axis=2)
+        good = length > 1e-9 * np.maximum(length.max(axis=1, keepdims=True), 1e-300)
+        for first in range(0, len(rows), _PATCHES):
+            some = slice(first, first + _PATCHES)
+            away = normals[some][good[some]] / length[some][good[some], None]
+            foot = (away * at[some][good[some]]).sum(axis=1)
+            height = away @ corners.T - foot[:, None]
             if height.size:
                 highest, lowest = max(highest, height.max()), min(lowest, height.min())
             if highest > 1e-9 * size and lowest < -1e-9 * size:

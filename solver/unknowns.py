@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,12 @@ class Unknowns:
     receivers: Receivers
     basis: Basis | None
     elements: int
+    _shares: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        total = self.sums(self.areas)[self.element]
+        # Of each in the area of its element.
+        object.__setattr__(self, "_shares", self.areas / np.where(total > 0.0, total, 1.0))
 
     @classmethod
     def of(cls, elements: Elements, basis: str) -> Unknowns:
@@ -188,13 +194,15 @@ class Unknowns:
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Means (n, ...) of ``values`` (N, ...) over the elements; 0 where all is buried."""
+        if values.ndim == 1:
+            return self.sums(self._shares * values)
         flat = values.reshape(len(self), math.prod(values.shape[1:]))
-        sums = [self.sums(self._shares() * column) for column in flat.T]
+        sums = [self.sums(self._shares * column) for column in flat.T]
         return np.stack(sums, axis=1).reshape(self.elements, *values.shape[1:])
 
     def of_whole(self, factors: MatrixArray, rows: IntArray) -> FloatArray:
         """Form factors (k, n) between elements, from some ``rows`` (k,), by those (N, N) of all."""
-        share, out = self._shares(), np.zeros((len(rows), self.elements))
+        share, out = self._shares, np.zeros((len(rows), self.elements))
         for k, row in enumerate(rows):
             own = np.flatnonzero(self.element == row)
             mean = share[own] @ np.asarray(factors[own], dtype=np.float64)
@@ -203,7 +211,7 @@ class Unknowns:
 
     def evenly(self, factors: MatrixArray) -> MatrixArray:
         """Form factors (m, N) that see elements evenly, given those (m, n) of the elements."""
-        return np.asarray(factors[:, self.element] * self._shares().astype(factors.dtype))
+        return np.asarray(factors[:, self.element] * self._shares.astype(factors.dtype))
 
     def add_evenly(self, factors: MatrixArray, more: MatrixArray) -> None:
         """Add to form factors (m, N), in place, ``more`` (m, n) of evenly seen elements."""
@@ -213,12 +221,7 @@ class Unknowns:
 
     def mean_variance(self, values: FloatArray) -> FloatArray:
         """Variances (n,) of the means, for independent variances ``values`` (N,)."""
-        return self.sums(self._shares() ** 2 * values)
-
-    def _shares(self) -> FloatArray:
-        """Share (N,) of each in the area of its element."""
-        total = self.sums(self.areas)[self.element]
-        return np.asarray(self.areas / np.where(total > 0.0, total, 1.0))
+        return self.sums(self._shares**2 * values)
 
     def sums(self, values: FloatArray) -> FloatArray:
         """Sums (n,) of ``values`` (N,) over the elements."""

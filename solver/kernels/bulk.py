@@ -65,7 +65,7 @@ def near_factors(x, n, own_patch, sources, blockers, eps, rounding, near, count,
         solid = blockers.solid[patch]
         same = own_patch >= 0 and blockers.solid[own_patch] == solid
         inside = same and blockers.hollow[solid]
-        front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
+        front, digits = how_to_see(x, n, own_patch, sources, j, inside, eps)
         shift_net(sources.nets[j], x, s)
         factors[j] = patch_factor(
             s, x, n, sources.cones[j], front, sources.quadrics[j], digits, rounding

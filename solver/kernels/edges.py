@@ -45,7 +45,8 @@ class Edges(NamedTuple):
     edge_range : (n, 2) int array
         First and end of the edges of each element's patch.
     edge_error : (n,) array
-        What the nodes miss of each element's vector area, against it: the error from afar.
+        What the nodes miss of ∮ p dp about each element, against its area: the error from afar,
+        where nothing is foreshortened.
     edge_sign : (n,) array
         1 on the patch's + side, −1 on its − side.
     area_point, area_normal : (3, n, k) arrays
@@ -240,7 +241,10 @@ def far_factors(
                     # All normals alike: a plane. The sphere's centre is near it, not in it.
                     front = away > radius
             good = front and height > radius and distance > near_ratio * radius
-            good = good and (edges.edge_error[j] <= eps or not shared)
+            if good and shared:
+                # What the nodes miss of bent edges does not get less by foreshortening, on either
+                # side, as the factor does.
+                good = edges.edge_error[j] * distance * distance <= eps * away * height
             if good and shared:
                 if not ready:
                     first, end = edges.edge_range[j, 0], edges.edge_range[j, 1]

@@ -10,6 +10,10 @@ from .contour import horizon_tolerance, shift_net
 from .nets import ALWAYS_FRONT, CONCAVE, CONVEX, PLANAR
 from .pyramid import FRONT, MIXED, NO_BLOCKER, see_blockers, visible_factor
 
+#: Foreshortening on both sides below which more digits are asked for, and the least that counts:
+#: by less an element is seen only as far as it is near.
+GRAZING, GRAZING_LEAST = 0.2, 0.01
+
 #: Columns of the counters of a row.
 DARK_PAIRS, UNOCCLUDED, SCANNED, TRACED, CELLS = range(5)
 
@@ -281,7 +285,7 @@ def trace_row(
                 counters[UNOCCLUDED] += 1
                 continue
             shift_net(sources.nets[j], x, s)
-            front, digits = how_to_see(x, own_patch, sources, j, inside, eps)
+            front, digits = how_to_see(x, n, own_patch, sources, j, inside, eps)
             visible_factor(
                 s, j, x, n, sources.cones[j], front, sources.quadrics[j], solid, digits,
                 sources.cell_eps[j], rounding, plain, blockers, near, k, scratch, found,
@@ -293,10 +297,11 @@ def trace_row(
 
 
 @lean
-def how_to_see(x, own_patch, sources, j, inside, eps):
+def how_to_see(x, n, own_patch, sources, j, inside, eps):
     """Flags and relative accuracy with which element ``j`` is looked at from ``x``.
 
-    ``inside`` tells that the receiver is on a wall of the same convex cavity.
+    ``n`` is the normal there. ``inside`` tells that the receiver is on a wall of the same convex
+    cavity.
     """
     dx, dy, dz = (
         sources.spheres[j, 0] - x[0],
@@ -304,12 +309,17 @@ def how_to_see(x, own_patch, sources, j, inside, eps):
         sources.spheres[j, 2] - x[2],
     )
     distance2 = dx * dx + dy * dy + dz * dz
-    radius2 = sources.spheres[j, 3] ** 2
+    radius2, cone = sources.spheres[j, 3] ** 2, sources.cones[j]
     patch = sources.patch[j]
     front = patch * 0  # not a literal: those would compile the callee once more
     if inside and (patch != own_patch or distance2 > radius2):
         front += ALWAYS_FRONT
     # What is small needs fewer digits, 0.05 eps of the whole hemisphere is enough; but its edges,
-    # each as large as the patch appears, cancel to the square of that.
+    # each as large as the patch appears, cancel to the square of that, and to less where it is
+    # foreshortened.
     bound = radius2 / (distance2 + 1e-300)
-    return front, min(max(eps, 0.05 * eps / bound), 1e-2) * min(1.0, math.sqrt(bound))
+    distance = math.sqrt(distance2) + 1e-300
+    up = abs(n[0] * dx + n[1] * dy + n[2] * dz) / distance
+    facing = abs(cone[0] * dx + cone[1] * dy + cone[2] * dz) / distance
+    grazing = min(1.0, max(up * max(facing, cone[3]), GRAZING_LEAST) / GRAZING)
+    return front, min(max(eps, 0.05 * eps / bound), 1e-2) * min(1.0, math.sqrt(bound)) * grazing

@@ -10,7 +10,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,6 +98,13 @@ def tangents(
     return _euclidean(h, hu, hv)
 
 
+def curve_points(curves: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points and first derivatives (n, k, 3) of rational cubics (n, 4, 4) at ``t`` (n, k)."""
+    h, along = bernstein(t) @ curves, bernstein_derivative(t) @ curves
+    point = h[..., :3] / h[..., 3:]
+    return point, (along[..., :3] - along[..., 3:] * point) / h[..., 3:]
+
+
 def surface_points(
     nets: FloatArray, u: FloatArray, v: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -105,31 +112,44 @@ def surface_points(
 
     At parameters u, v (n, k) of their own, or (k,) for all.
     """
-    bases = _bases(u, v)
+    k = np.shape(u)[-1]
     if np.ndim(u) > 1:
-        flat = nets.reshape(len(nets), 16, 4)
-        return _euclidean(*(basis @ flat for basis in bases))
-    out = np.empty((3, len(nets), len(u), 3))
-    for some, found in _in_blocks(nets, bases):
+        h = _bases(u, v) @ nets.reshape(len(nets), 16, 4)
+        return _euclidean(h[:, :k], h[:, k : 2 * k], h[:, 2 * k :])
+    basis = _fixed_basis(u.tobytes(), v.tobytes())
+    if 0 < len(nets) <= _CACHED_NETS:
+        return next(_in_blocks(nets, basis))[1]
+    out = np.empty((3, len(nets), k, 3))
+    for some, found in _in_blocks(nets, basis):
         out[:, some] = found
     return out[0], out[1], out[2]
 
 
-def _bases(u: FloatArray, v: FloatArray) -> list[FloatArray]:
-    """What takes nets to points and both derivatives: three arrays (..., k, 16)."""
+def _bases(u: FloatArray, v: FloatArray) -> FloatArray:
+    """What takes nets to points and both derivatives, one behind the other: (..., 3 k, 16)."""
     bu, bv = bernstein(u), bernstein(v)
     du, dv = bernstein_derivative(u), bernstein_derivative(v)
-    return [
-        (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 16)
-        for a, b in ((bu, bv), (du, bv), (bu, dv))
-    ]
+    *more, k, _ = bu.shape
+    out = np.empty((*more, 3, k, 4, 4))
+    for row, (a, b) in enumerate(((bu, bv), (du, bv), (bu, dv))):
+        np.multiply(a[..., :, None], b[..., None, :], out=out[..., row, :, :, :])
+    return out.reshape(*more, 3 * k, 16)
+
+
+@lru_cache(maxsize=32)
+def _fixed_basis(u: bytes, v: bytes) -> FloatArray:
+    """The same (3 k, 16) at parameters (k,) given by their bytes.
+
+    The rules that elements are looked at by are few, and come again and again.
+    """
+    return frozen(_bases(np.frombuffer(u), np.frombuffer(v)))
 
 
 def _in_blocks(
-    nets: FloatArray, bases: list[FloatArray]
+    nets: FloatArray, basis: FloatArray
 ) -> Iterator[tuple[slice, tuple[FloatArray, FloatArray, FloatArray]]]:
-    """Points and derivatives of some nets after the others, all at the same parameters."""
-    k, basis = len(bases[0]), np.concatenate(bases)
+    """Points and derivatives of some nets after the others, all by the same ``basis``."""
+    k = len(basis) // 3
     for start in range(0, len(nets), _CACHED_NETS):
         some = slice(start, start + _CACHED_NETS)
         h = basis @ nets[some].reshape(-1, 16, 4)
@@ -166,6 +186,6 @@ def areas(nets: FloatArray, *, order: int = 6, pieces: int = 2) -> FloatArray:
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     weights = np.outer(weight, weight).ravel()
     total = np.empty(len(nets))
-    for some, (_, su, sv) in _in_blocks(nets, _bases(u, v)):
+    for some, (_, su, sv) in _in_blocks(nets, _fixed_basis(u.tobytes(), v.tobytes())):
         total[some] = np.linalg.norm(np.cross(su, sv), axis=-1) @ weights
     return total

@@ -98,3 +98,27 @@ def test_chords_are_sorted_with_equals_in_order(count):
     assert _sort_chords(first, span, chain, order, other) == count
     expected = place[np.argsort(span[place, 0], kind="stable")]
     assert np.array_equal(order[:count], expected)
+
+
+@pytest.mark.parametrize("eps", [1e-3, 1e-4, 1e-5])
+def test_disks_seen_at_a_grazing_angle_are_as_accurate_as_others(eps):
+    """Quarter arcs, near and far: four nodes on each left a hundred times ``eps``."""
+    disk = PatchSet.disk((0, 0, 0), 0.2, (0, 0, 1))
+    elements = make_elements(disk, np.zeros(5, bool), np.ones((5, 2), np.int64))
+    sources = make_sources(elements, disk.control_points, np.ones(5))
+    rng = np.random.default_rng(3)
+    away = rng.normal(size=(600, 3))
+    away[:, 2] = np.abs(away[:, 2]) * rng.uniform(0.1, 1.0, 600)
+    away *= rng.uniform(0.3, 3.0, 600)[:, None] / np.linalg.norm(away, axis=1)[:, None]
+    normals = rng.normal(size=(600, 3)) - 0.3 * away
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    places = away[:, None], normals[:, None], np.ones((600, 1)), np.full(600, -1)
+    blockers = setup(disk).blockers
+    found, truth = (
+        form_factor_matrix(*places, sources, blockers, eps=e, trace=False).factors.sum(axis=1)
+        for e in (eps, 1e-10)
+    )
+    # What is small may be off by a twentieth of eps of the hemisphere, see `rows.how_to_see`.
+    error = np.abs(found - truth) / (eps * np.maximum(truth, 0.05))
+    assert (truth > 0.0).sum() > 400
+    assert np.quantile(error, 0.95) < 0.5 and error.max() < 10.0

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.solver import budget, field, large_rows, memory, row_finder, simulation
+from patchlight.solver import budget, field, field_rows, large_rows, memory, row_finder, simulation
 from patchlight.solver.mesh import make_elements
 from patchlight.solver.model import CIESky, Material, PatchSet, Photometry, Web
 from patchlight.solver.packed import PACKED_ROUNDING, GroupedVariances, PackedMatrix
@@ -188,16 +188,16 @@ def test_factors_of_nodes_near_by_become_positive_and_keep_their_sums():
 def test_light_that_leaves_late_blocks_only_is_found(small_limits, monkeypatch):
     """Blocks that were closed as if nothing left are found again once one shows that it does."""
     seen = []
-    original = field.FieldSolver._sees_out
+    original = field_rows.FieldRows.sees_out
 
     def blind_at_first(self, rows, lit):
         seen.append(len(rows.factors))
         return original(self, rows, lit) if len(seen) > 2 else False
 
-    monkeypatch.setattr(field.FieldSolver, "_sees_out", blind_at_first)
+    monkeypatch.setattr(field_rows.FieldRows, "sees_out", blind_at_first)
     late = solve(porch(), accuracy=0.1)
     assert late.counters["rows_found_twice"] > 0
-    monkeypatch.setattr(field.FieldSolver, "_sees_out", original)
+    monkeypatch.setattr(field_rows.FieldRows, "sees_out", original)
     soon = solve(porch(), accuracy=0.1)
     assert "rows_found_twice" not in soon.counters or not soon.counters["rows_found_twice"]
     np.testing.assert_allclose(

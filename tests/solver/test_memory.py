@@ -222,6 +222,6 @@ def test_a_run_is_refused_before_it_begins(free, monkeypatch):
     monkeypatch.setattr("patchlight.solver.simulation.kept_blockers", must_not_begin)
     room = scene(setup(Body(PatchSet.box((4, 5, 2.7), inward=True))))
     free(MB // 200)
-    with pytest.raises(OutOfMemoryError, match="larger number than 0.05") as error:
-        solve(room, accuracy=0.05)
+    with pytest.raises(OutOfMemoryError, match="larger number than 0.0001") as error:
+        solve(room, accuracy=1e-4)
     assert "fewer patches" in str(error.value)

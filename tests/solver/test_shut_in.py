@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.solver import field
+from patchlight.solver import field_rows
 from patchlight.solver.exchange import Rows
 from patchlight.solver.model import PatchSet
 from patchlight.solver.shut_in import hide, shut_in
@@ -112,7 +112,7 @@ def test_a_room_under_a_small_shielded_lamp_is_not_shut_in(monkeypatch, radius, 
     data = dataclasses.replace(data, two_sided=parts.solid > 0)
     found = solve(data, accuracy=0.1)
     assert found.counters["elements_shut_in"] == 0
-    monkeypatch.setattr(field, "shut_in", lambda rows, unknowns, shining: ~shining & False)
+    monkeypatch.setattr(field_rows, "shut_in", lambda rows, unknowns, shining: ~shining & False)
     expected = solve(data, accuracy=0.1)
     for name, sensors in expected.sensors.items():
         assert np.array_equal(found.sensors[name].illuminance_lx, sensors.illuminance_lx)

@@ -85,3 +85,24 @@ def test_straight_edges_leave_no_error():
     )
     found = solve(made, accuracy=0.3).sensors["g"]
     assert (found.error_lx <= 1e-6 * found.illuminance_lx).all()
+
+
+@pytest.mark.parametrize("furnished", [False, True])
+def test_rules_are_measured_on_some_sensors(furnished, monkeypatch):
+    """Where nothing hides anything, rows are unoccluded themselves: they are not found again."""
+    asked, find = [], rule_error.form_factor_matrix
+
+    def spy(nodes, *args, **how):
+        asked.append((len(nodes), how["eps"]))
+        return find(nodes, *args, **how)
+
+    monkeypatch.setattr(rule_error, "form_factor_matrix", spy)
+    bodies = [Body(PatchSet.box((4, 3, 2), inward=True))]
+    if furnished:
+        bodies.append(Body(PatchSet.box((1, 1, 1), center=(0, 0, -0.5))))
+    points = np.random.default_rng(6).uniform((-1.9, -1.4, 0.1), (1.9, 1.4, 0.9), (200, 3))
+    made = scene(setup(*bodies), lamps=[(0, "lamp", 1000.0)], sensors=[grid("g", points)])
+    found = solve(made, accuracy=0.3).sensors["g"]
+    count = rule_error.MOST_SENSORS
+    assert [m for m, _ in asked] == [count] * (2 if furnished else 1)
+    assert (found.error_lx > 0.0).all()

@@ -50,7 +50,7 @@ def _case(name: str, rho: float, **more) -> Case:
         normals=NORMALS,
         truth=lambda: _truth(rho),
         how="closed form",
-        patchlight=accuracies(0.3, 0.1, 0.05, 0.02),
+        patchlight=accuracies(0.5, 0.3, 0.1, 0.05, 0.02),
         **more,
     )
 

@@ -71,7 +71,7 @@ def _case(name: str, title: str, points: FloatArray, normals: FloatArray, how: s
         normals=normals,
         truth=lambda: truth_room.irradiance(ROOM, points, normals),
         how=how,
-        patchlight=accuracies(0.2, 0.1, 0.05, 0.02, 0.01),
+        patchlight=accuracies(0.5, 0.2, 0.1, 0.05, 0.02, 0.01),
         **more,
     )
 

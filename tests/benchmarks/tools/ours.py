@@ -30,6 +30,7 @@ class Ours:
 
     def __init__(self) -> None:
         self._lit: dict[str, Lit] = {}
+        self._scenes: dict[str, SceneData] = {}  # loaded, as those of the other tools are
 
     def settings(self, case: Case) -> tuple[OurSetting, ...]:
         if case.reflects:
@@ -41,11 +42,17 @@ class Ours:
         import dataclasses
 
         start = time.process_time()
-        if not case.reflects:
+        if case.reflects:
+            self._scenes[case.name] = scene_data(case)
+        else:
             self._lit[case.name] = Lit.of(case)
         few = slice(None, None, max(1, len(case.points) // 4))
         small = dataclasses.replace(case, points=case.points[few], normals=case.normals[few])
-        self.run(small, OurSetting(max(setting.accuracy, 0.1)))
+        rough = max(setting.accuracy, 0.1)
+        if case.reflects:
+            _reflected(scene_data(small), rough)
+        else:
+            self.run(small, OurSetting(rough))
         return time.process_time() - start
 
     def run(self, case: Case, setting: OurSetting) -> Run:
@@ -53,7 +60,7 @@ class Ours:
             forget()
         start = time.process_time()
         if case.reflects:
-            values = _reflected(case, setting.accuracy)
+            values = _reflected(self._scenes[case.name], setting.accuracy)
         else:
             values = self._lit[case.name].irradiance(case, setting.accuracy)
         return Run(values, time.process_time() - start)
@@ -140,8 +147,8 @@ def _part(item: tuple[int, Body]) -> tuple[int, int]:
     return (body.solid, 0) if body.solid >= 0 else (-1, k)
 
 
-def _reflected(case: Case, accuracy: float) -> FloatArray:
+def _reflected(scene: SceneData, accuracy: float) -> FloatArray:
     from patchlight.pipeline import simulate
 
-    result = simulate(scene_data(case), accuracy=accuracy, cache=False)
+    result = simulate(scene, accuracy=accuracy, cache=False)
     return result.sensors["sensors"].illuminance_lx
