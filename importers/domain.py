@@ -20,6 +20,8 @@ from .surfaces import Plane, Surface
 from .triangulate import inside, signed_area
 
 Loop = list[Arc]
+#: Share of an edge at a pole that is not worth a vertex of its own.
+NEAR_POLE = 0.02
 
 
 @dataclass(slots=True)
@@ -302,7 +304,8 @@ def curved_domain(face: RawFace, surface: Surface) -> Domain:
         if arcs:
             loops.append(arcs)
     loops = _joined_wraps(loops, surface, scale, chord)
-    return Domain(_regions(_in_period(loops, surface, scale)), chord, scale, size, False, 0.0)
+    loops = _cut_poles(_in_period(loops, surface, scale))
+    return Domain(_regions(loops), chord, scale, size, False, 0.0)
 
 
 def _edge_arcs(use: EdgeUse, shift: FloatArray, surface: Surface, scale: FloatArray) -> Loop:
@@ -339,6 +342,32 @@ def _pole(use: EdgeUse, shift: FloatArray, surface: Surface, scale: FloatArray) 
             w = chord.weights[:, None]
             chord.net = np.concatenate([pole * w, w], axis=1)
         out.append(chord)
+    return out
+
+
+def _cut_poles(loops: list[Loop]) -> list[Loop]:
+    """Loops whose edges at poles are cut beneath the other vertices.
+
+    A cell between the pole and a vertex has a cusp unless it may end at the pole where the
+    parameter line of that vertex does.
+    """
+    poles = [a for loop in loops for a in loop if isinstance(a, Chord) and a.net is not None]
+    if not poles:
+        return loops
+    points = np.array([a.start / a.scale for loop in loops for a in loop])
+    out = []
+    for loop in loops:
+        new: Loop = []
+        for arc in loop:
+            if isinstance(arc, Chord) and arc.net is not None:
+                k = int(np.argmax(np.abs(arc.q - arc.p)))
+                share = (points[:, k] - arc.p[k]) / (arc.q[k] - arc.p[k])
+                inner = np.unique(share[(share > NEAR_POLE) & (share < 1.0 - NEAR_POLE)])
+                inner = inner[np.diff(inner, prepend=0.0) > NEAR_POLE]
+                new.extend(arc.cut(inner))
+            else:
+                new.append(arc)
+        out.append(new)
     return out
 
 

@@ -78,6 +78,8 @@ class Edge:
     tolerance: float
     vertices: tuple[FloatArray | None, FloatArray | None] = (None, None)
     gap: float = 0.0
+    #: Whether a face is exact only if the chain is.
+    exact: bool = False
     chain: Any = None
     stations: FloatArray | None = None
 
@@ -292,6 +294,12 @@ def surface(s: Any, box: tuple[float, float, float, float]) -> Surface:
     return PointSurface(point, periods)
 
 
+def along_parameter(use: EdgeUse) -> bool:
+    """Whether the curve in (u, v) is a line of constant u or v."""
+    curve = use.curve
+    return isinstance(curve, Line) and float(np.abs(curve.direction).min()) < 1e-9
+
+
 class Extractor:
     """Extracts the faces of one shape; edges shared by faces are extracted once.
 
@@ -327,6 +335,10 @@ class Extractor:
         if geometry is None:
             return RawFace(None, is_reversed, [], 0.0, "the face has no surface (tessellated only)")
         planar = isinstance(geometry, Geom_Plane)
+        box = (0.0, 1.0, 0.0, 1.0)
+        if isinstance(geometry, Geom_OffsetSurface | Geom_RectangularTrimmedSurface):
+            box = tuple(BRepTools.UVBounds_s(f))  # type: ignore[assignment]
+        array = surface(geometry, box)
         loops = []
         iterator = TopoDS_Iterator(f)
         while iterator.More():
@@ -336,11 +348,10 @@ class Extractor:
                 uses = self._loop(TopoDS.Wire_s(item), f, planar)
                 if uses:
                     loops.append(uses)
-        box = (0.0, 1.0, 0.0, 1.0)
-        if isinstance(geometry, Geom_OffsetSurface | Geom_RectangularTrimmedSurface):
-            box = tuple(BRepTools.UVBounds_s(f))  # type: ignore[assignment]
-        tolerance = BRep_Tool.Tolerance_s(f)
-        return RawFace(surface(geometry, box), is_reversed, loops, tolerance)
+        for uses in loops:
+            for use in uses:
+                use.edge.exact |= array.exact_spline_lines and (planar or along_parameter(use))
+        return RawFace(array, is_reversed, loops, BRep_Tool.Tolerance_s(f))
 
     def _loop(self, wire: Any, face: Any, planar: bool) -> list[EdgeUse]:
         uses = []

@@ -9,22 +9,27 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from patchlight.solver.errors import GeometryError
-from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .arcs import Arc
-from .cells import Cell, quality, samples_of, side_samples
-from .triangulate import crossings, inside, triangulate
+from .cells import Cell, corner_sines, quality, samples_of, side_samples, straight_quality
+from .together import rows_of
+from .triangulate import crossings, inside, overlapping, triangulate
 
 ChordMaker = Callable[[FloatArray, FloatArray], Arc]
 Loop = list[Arc]
+Triangle = tuple[int, int, int]
 
 GOOD = 0.2
 PAIRED = 0.1
 THIN = 0.02
+#: Quality below which halving of sides goes on where cells of less have failed.
+STRICT = 0.25
 FOLDED = 1e-3
 SMOOTH = math.cos(math.radians(20.0))
 MOST_ARCS = 3000
@@ -32,7 +37,7 @@ MOST_ARCS = 3000
 
 def corner_turns(loop: Loop) -> FloatArray:
     """Exterior angle at the start of each arc [rad], positive at convex corners."""
-    d = [a.directions() for a in loop]
+    d = [a.directions for a in loop]
     out = []
     for k in range(len(loop)):
         e, s = d[k - 1][1], d[k][0]
@@ -46,10 +51,12 @@ def cells_of(
     *,
     planar: bool,
     folded: Callable[[list[Cell]], list[Cell]] | None = None,
+    thin: float = THIN,
 ) -> list[Cell]:
     """Cells of one region (outer loop counter-clockwise, then holes).
 
-    ``folded`` picks the cells whose patches would overlap themselves, which samples may miss.
+    ``folded`` picks the cells whose patches would overlap themselves, which samples may miss. Cells
+    of a quality below ``thin`` are worth a few more.
 
     Raises
     ------
@@ -57,13 +64,15 @@ def cells_of(
         If no valid decomposition is found; the message is the reason for the certificate.
     """
     if len(loops) == 1:
-        simple = _simple(loops[0], chord)
-        if simple is not None and not (folded and folded(simple)):
-            return simple
-    return _general(loops, chord, planar, folded)
+        simple = _simple(loops[0], chord, thin)
+        if simple is not None:
+            curved = any(a is not None and not a.straight for c in simple for a in c.sides)
+            if not (folded and curved and folded(simple)):
+                return simple
+    return _general(loops, chord, planar, folded, thin)
 
 
-def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
+def _simple(loop: Loop, chord: ChordMaker, thin: float) -> list[Cell] | None:
     if len(loop) == 1:
         a, b = loop[0].halves()
         loop = [*a.halves(), *b.halves()]
@@ -71,16 +80,19 @@ def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
         turns = corner_turns(loop)
         if turns.min() > math.radians(30.0):
             cell = Cell((loop[0], None, loop[1], None))
-            if quality(samples_of([cell]))[0] > THIN:
+            if quality(samples_of([cell]))[0] > thin:
                 return [cell]
         loop = [*loop[0].halves(), *loop[1].halves()]
     turns = corner_turns(loop)
     if len(loop) == 3 and (turns > math.radians(15.0)).all():
         cell, best = _triangle(loop)
-        if best > PAIRED:
+        if best > max(PAIRED, thin):
             return [cell]
     if len(loop) == 4 and (turns > math.radians(25.0)).all():
         cell = Cell((loop[0], loop[1], loop[2], loop[3]))
+        # Between straight sides the angles are between those of the corners.
+        if all(a.straight for a in loop) and np.sin(turns).min() > GOOD:
+            return [cell]
         if quality(samples_of([cell]))[0] > GOOD:
             return [cell]
     if 4 <= len(loop) <= 8 and (np.abs(turns) < math.radians(30.0)).all():
@@ -148,16 +160,15 @@ def _offenders(loops: list[Loop]) -> set[int]:
     samples = np.array([arcs[k].samples for k in curved.tolist()])
     low, high = samples.min(axis=1), samples.max(axis=1)
     # Only arcs with a foreign vertex in their box are looked at one by one.
-    margin = 1e-7 * (high - low).max(axis=1)[:, None]
-    block = max(1, 400_000 // len(p))
-    for first in range(0, len(curved), block):
-        some = slice(first, first + block)
-        near = (p >= low[some, None]).all(-1) & (p <= high[some, None]).all(-1)
-        for end in (samples[some, :1], samples[some, -1:]):
-            near &= np.abs(p - end).max(axis=-1) > margin[some]
-        for k in np.flatnonzero(near.any(axis=1)).tolist():
-            if inside(samples[first + k], p[near[k]]).any():
-                bad.add(id(arcs[curved[first + k]]))
+    margin = 1e-7 * (high - low).max(axis=1)
+    k, v = overlapping(low, high, p, p)
+    foreign = np.ones(len(k), dtype=bool)
+    for end in (samples[:, 0], samples[:, -1]):
+        foreign &= np.abs(p[v] - end[k]).max(axis=1) > margin[k]
+    k, v = k[foreign], v[foreign]
+    for i, rows in rows_of(k, np.arange(len(curved))):
+        if inside(samples[i], p[v[rows]]).any():
+            bad.add(id(arcs[curved[i]]))
     return bad
 
 
@@ -199,7 +210,7 @@ def _same(p: FloatArray, q: FloatArray, arc: Arc) -> bool:
 
 def _center(arc: Arc) -> FloatArray | None:
     """Centre of a convex arc that turns 40 to 100 degrees and is nearly circular, else None."""
-    d0, d1 = arc.directions()
+    d0, d1 = arc.directions
     turn = math.atan2(d0[0] * d1[1] - d0[1] * d1[0], float(d0 @ d1))
     if not 0.7 < turn < 1.75:
         return None
@@ -214,6 +225,7 @@ def _general(
     chord: ChordMaker,
     planar: bool,
     folded: Callable[[list[Cell]], list[Cell]] | None,
+    thin: float,
 ) -> list[Cell]:
     reason = ""
     fallback: list[Cell] | None = None
@@ -238,8 +250,8 @@ def _general(
                 return extra
             if sectors and not _clean(cut):
                 break
-            # Thin cells are worth two rounds of halving, folded ones more.
-            limit = THIN if round_ < 2 else FOLDED
+            # Thin cells are worth three rounds of halving, folded ones more.
+            limit = thin if round_ < 3 else FOLDED
             cells, worst, reason = _paired(cut, chord, limit)
             if cells is not None and not worst and folded is not None:
                 for cell in folded(cells):
@@ -303,10 +315,12 @@ def _paired(
             arcs[b, a] = found.reversed()
         return found
 
-    triangles, alone = _reshaped(triangles, points, side)
+    curved = {key for key, arc in arcs.items() if not arc.straight}
+    outline = _Outline(points, curved, side)
+    triangles, alone = _reshaped(triangles, outline)
     owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(triangles) for k in range(3)}
     pairs: list[tuple[int, int]] = []
-    quads: list[tuple[int, int, int, int]] = []
+    quads: list[tuple[int, ...]] = []
     for (a, b), i in owner.items():
         j = owner.get((b, a))
         if j is None or i > j:
@@ -315,10 +329,10 @@ def _paired(
         d = next(x for x in triangles[j] if x not in (a, b))
         pairs.append((i, j))
         quads.append((a, d, b, c))
-    sides = [tuple(side(q[k], q[(k + 1) % 4]) for k in range(4)) for q in quads]
-    q = quality(np.array([side_samples(s) for four in sides for s in four]).reshape(-1, 4, 9, 2))
+    q = outline.quads(quads)
     chosen = _match(pairs, q, alone)
-    cells = [Cell(sides[k]) for k in chosen]  # type: ignore[arg-type]
+    sides = {k: tuple(side(a, b) for a, b in _around(quads[k])) for k in chosen}
+    cells = [Cell(four) for four in sides.values()]  # type: ignore[arg-type]
     used = {t for k in chosen for t in pairs[k]}
     worst: set[int] = set()
     chosen_bad = [k for k in chosen if q[k] < limit]
@@ -330,36 +344,74 @@ def _paired(
         three = [side(t[k], t[(k + 1) % 3]) for k in range(3)]
         cell, best = _triangle(three)
         if best < limit:
-            curved = [id(a) for a in three if not a.straight]
-            worst.update(curved)
+            worst.update(id(a) for a in three if not a.straight)
         cells.append(cell)
     return cells, worst, ""
 
 
-Triangle = tuple[int, int, int]
+_NINTHS = np.linspace(0.0, 1.0, 9)[:, None]
 
 
-def _shape(triangles: list[Triangle], side: Callable[[int, int], Arc]) -> FloatArray:
-    """Quality (n,) of triangles as cells with one collapsed side, curved sides included."""
-    found = [side_samples(side(t[k], t[(k + 1) % 3])) for t in triangles for k in range(3)]
-    three = np.array(found).reshape(-1, 3, 9, 2)
-    four = np.empty((len(three), 3, 4, 9, 2))
-    for k in range(3):
-        a, b, c = three[:, k], three[:, (k + 1) % 3], three[:, (k + 2) % 3]
-        four[:, k, 0], four[:, k, 1], four[:, k, 3] = a, b, c
-        four[:, k, 2] = b[:, -1:]
-    return np.asarray(quality(four.reshape(-1, 4, 9, 2)).reshape(-1, 3).max(axis=1))
+def _around(corners: tuple[int, ...]) -> list[tuple[int, int]]:
+    return [(corners[k - 1], corners[k]) for k in (*range(1, len(corners)), 0)]
 
 
-def _reshaped(
-    triangles: list[Triangle], points: FloatArray, side: Callable[[int, int], Arc]
-) -> tuple[list[Triangle], FloatArray]:
+@dataclass(slots=True)
+class _Outline:
+    """Vertices (n, 2), the pairs of them that a curved arc joins, and the arc of any pair."""
+
+    points: FloatArray
+    curved: set[tuple[int, int]]
+    side: Callable[[int, int], Arc]
+
+    def _bent(self, corners: Sequence[tuple[int, ...]]) -> tuple[IntArray, FloatArray]:
+        """Which of some polygons have a curved side, and samples (m, k, 9, 2) of their sides."""
+        found = [
+            (i, k, key)
+            for i, polygon in enumerate(corners)
+            for k, key in enumerate(_around(polygon))
+            if key in self.curved
+        ]
+        bent, row = np.unique([i for i, _, _ in found], return_inverse=True)
+        bent = bent.astype(np.int64)
+        p = self.points[np.array(corners)[bent]]
+        samples = p[:, :, None] + _NINTHS * (np.roll(p, -1, axis=1) - p)[:, :, None]
+        for m, (_, k, (a, b)) in zip(row.ravel().tolist(), found, strict=True):
+            samples[m, k] = side_samples(self.side(a, b))
+        return bent, samples
+
+    def quads(self, quads: Sequence[tuple[int, ...]]) -> FloatArray:
+        """Quality (n,) of quadrilaterals as cells."""
+        if not quads:
+            return np.empty(0)
+        q = straight_quality(self.points[np.array(quads)])
+        bent, samples = self._bent(quads)
+        q[bent] = quality(samples)
+        return q
+
+    def triangles(self, triangles: Sequence[Triangle]) -> FloatArray:
+        """Quality (n,) of triangles as cells with the side collapsed that suits them best."""
+        p = self.points[np.array(triangles)]
+        # A collapsed corner does not count: the best is the one of the smallest angle.
+        q = np.sort(corner_sines(p), axis=1)[:, 1]
+        bent, three = self._bent(triangles)
+        if len(bent):
+            four = np.empty((len(three), 3, 4, 9, 2))
+            for k in range(3):
+                a, b, c = three[:, k], three[:, (k + 1) % 3], three[:, (k + 2) % 3]
+                four[:, k, 0], four[:, k, 1], four[:, k, 3] = a, b, c
+                four[:, k, 2] = b[:, -1:]
+            q[bent] = quality(four.reshape(-1, 4, 9, 2)).reshape(-1, 3).max(axis=1)
+        return q
+
+
+def _reshaped(triangles: list[Triangle], outline: _Outline) -> tuple[list[Triangle], FloatArray]:
     """Diagonals swapped while that improves a bad triangle: Delaunay's rule sees chords only.
 
     The triangles and their quality as cells.
     """
     tri = list(triangles)
-    q = _shape(tri, side)
+    q, points = outline.triangles(tri), outline.points
     for _ in range(6):
         bad = [i for i in np.argsort(q).tolist() if q[i] < PAIRED]
         if not bad:
@@ -377,7 +429,7 @@ def _reshaped(
                     options.append((i, j, (a, d, c), (d, b, c)))
         if not options:
             break
-        new = _shape([t for o in options for t in o[2:]], side).reshape(-1, 2)
+        new = outline.triangles([t for o in options for t in o[2:]]).reshape(-1, 2)
         gain = new.min(axis=1) - np.array([min(q[i], q[j]) for i, j, *_ in options])
         touched: set[int] = set()
         for k in np.argsort(-gain).tolist():
