@@ -14,13 +14,16 @@ from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .area import face_area
 from .cells import Cell, overlap, samples_of
-from .domain import Domain, curved_domain, enclosed_area, planar_domain
+from .curved_domain import curved_domain
+from .domain import Domain
 from .exact_nets import planar_nets
 from .extract import RawFace
 from .lift import Lifted, Task, lifted
 from .moments import vector_areas
+from .pairing import THIN
+from .planar_domain import enclosed_area, planar_domain
 from .projected import projected
-from .quadrangulate import STRICT, THIN, cells_of
+from .quadrangulate import STRICT, cells_of
 from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle
 from .surfaces import Plane, SplineSurface, Surface
 
