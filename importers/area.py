@@ -23,9 +23,9 @@ KnotLines = tuple[FloatArray | None, FloatArray | None]
 _X, _W = gauss_rule(8)
 #: Relative change at which the integral has converged, a tenth of what exact faces must keep.
 CONVERGED = 1e-7
-#: Larger changes leave a face unchecked. Jacobians of cubic splines are C1, so that halving takes
-#: at least 7/8 off the error: what is left is a tenth of what approximated faces must keep.
-USABLE = 7e-5
+#: Larger changes leave a face unchecked. Halving takes at least half off the error, so that what is
+#: left is no more than the last change: a tenth of what approximated faces must keep.
+USABLE = 1e-5
 FINENESS = (1, 2, 4, 8)
 MOST_EVALUATIONS = 1_500_000
 

@@ -21,7 +21,7 @@ from .occurrences import Body, Looks
 from .orientation import Senses, flips
 
 #: Share of a part's tolerance that the chains of its edges may take.
-EDGE_SHARE = 0.25
+EDGE_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)

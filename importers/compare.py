@@ -37,21 +37,21 @@ class Asked:
     """What is asked of each of some patches: arrays (n,).
 
     ``tolerance`` [file units] and ``angle_deg`` of the normal, ``area_limit`` relative, ``scale``
-    the size of |S_u| |S_v| and whether the surface is ``moved`` to meet its edges, so that normals
-    may lean over with it.
+    the size of |S_u| |S_v|, and ``leans_deg`` by which normals lean over where the surface moves to
+    its edges.
     """
 
     tolerance: FloatArray
     angle_deg: FloatArray
     area_limit: FloatArray
     scale: FloatArray
-    moved: BoolArray
+    leans_deg: FloatArray
 
     def take(self, rows: IntArray) -> Asked:
         """Of some of the patches, or of faces for each patch of theirs."""
         return Asked(
             self.tolerance[rows], self.angle_deg[rows], self.area_limit[rows], self.scale[rows],
-            self.moved[rows],
+            self.leans_deg[rows],
         )  # fmt: skip
 
 
@@ -120,15 +120,16 @@ def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) 
     ps = (_DERIVATIVE @ flat).reshape(n, 7, 7, 3)
     normal = cross(ps, _DERIVATIVE @ p)
     wanted = length(normal)
+    tolerance, limit = asked.tolerance[:, None, None], asked.angle_deg[:, None, None]
     # Where the surface was moved to its edges no halving brings its own normal back.
     bent = angle
-    if asked.moved.any():
+    leans = asked.leans_deg[:, None, None]
+    if leans.any():
         normal = normal / np.where(wanted > 0.0, wanted, 1.0)[..., None]
         other = np.where(ok & (wanted > 0.0), _angles(n_patch, normal), 0.0)
-        nearer = asked.moved[:, None, None] & (other < angle)
+        nearer = (other < angle) & (leans > 0.0) & (angle <= limit + leans)
         bent = np.where(nearer, other, angle)
         n_face = np.where(nearer[..., None], normal, n_face)
-    tolerance, limit = asked.tolerance[:, None, None], asked.angle_deg[:, None, None]
     measure = np.maximum(distance / tolerance, bent / limit)
     # On lines through nodes of t the interpolation in t is exact, normals along s included: what
     # is left there is the error of halving in s too little.

@@ -131,7 +131,7 @@ def _flat(knots: Any, multiplicities: Any, n: int) -> FloatArray:
     return np.repeat(np.array(k), m)
 
 
-def _spline_curve(c: Any, coordinates: Any) -> BSpline:
+def _spline_curve(c: Any, coordinates: Any) -> Curve:
     period = None
     if c.IsPeriodic():
         period = c.Period()
@@ -143,15 +143,29 @@ def _spline_curve(c: Any, coordinates: Any) -> BSpline:
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
     flat = _flat(c.Knots(), c.Multiplicities(), n)
     breaks, pieces = nurbs.bezier_pieces(flat, degree, h)
-    return BSpline(breaks, pieces, degree, period)
+    return _simplest(BSpline(breaks, pieces, degree, period))
 
 
-def _bezier_curve(c: Any, coordinates: Any) -> BSpline:
+def _bezier_curve(c: Any, coordinates: Any) -> Curve:
     n = c.NbPoles()
     points = np.array([coordinates(c.Pole(i)) for i in range(1, n + 1)])
     w = np.array([c.Weight(i) for i in range(1, n + 1)])
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
-    return BSpline(np.array([0.0, 1.0]), h[None], n - 1)
+    return _simplest(BSpline(np.array([0.0, 1.0]), h[None], n - 1))
+
+
+def _simplest(curve: BSpline) -> Curve:
+    """The line that a spline of one piece is to rounding, else the spline."""
+    if len(curve.pieces) > 1:
+        return curve
+    net = curve.pieces[0]
+    line = np.linspace(net[0], net[-1], len(net))
+    if np.abs(net - line).max() > 1e-15 * np.abs(net).max() or net[0, -1] != net[-1, -1]:
+        return curve
+    p, q = net[[0, -1], :-1] / net[0, -1]
+    start, end = curve.knots
+    direction = (q - p) / (end - start)
+    return Line(p - start * direction, direction)
 
 
 def curve_3d(c: Any) -> Curve:

@@ -112,7 +112,8 @@ class _Job:
         scale = [next(a for a in t.cells[0].sides if a is not None).scale.prod() for t in tasks]
         asked = Asked(
             tolerance, angle,
-            np.array([t.area_limit for t in tasks]), np.array(scale), moved,
+            np.array([t.area_limit for t in tasks]), np.array(scale),
+            np.zeros(len(tasks)),
         )  # fmt: skip
         return cls(sides, asked, moved, np.array([t.eager for t in tasks])), gaps
 
@@ -123,7 +124,8 @@ class _Job:
     def asked_of(self, boxes: Boxes) -> Asked:
         """What is asked of the patch of each box."""
         out = self.asked.take(self.faces(boxes))
-        out.moved = out.moved & self.sides.leans[boxes.cell]
+        leans = np.degrees(self.sides.leans[boxes.cell])
+        out.leans_deg = np.where(self.moved[self.faces(boxes)], leans, 0.0)
         return out
 
 

@@ -66,8 +66,9 @@ class Sides:
         self._curve = np.full((n, 4), -1, dtype=np.int64)
         #: Shifts of the corners, from `measure_gaps`.
         self.corners = np.zeros((n, 4, 3))
-        #: Cells whose normals lean over noticeably because they move, from `measure_gaps`.
-        self.leans = np.zeros(n, dtype=bool)
+        #: How far normals of cells lean over because they move [rad], from `measure_gaps`; 0 where
+        #: nobody would notice.
+        self.leans = np.zeros(n)
         side_weights = np.ones((n, 4, 4))
         for c, cell in enumerate(cells):
             # +s or +t: sides 2 and 3 of a cell run the other way.
@@ -195,8 +196,10 @@ class Sides:
         a, b, c, d = (self.on_surface(k, every, middle)[:, 0] for k in range(4))
         width = np.minimum(np.linalg.norm(a - c, axis=1), np.linalg.norm(b - d, axis=1))
         # The slope of (1 − s)³ is 3 at the border.
-        self._powers = np.where(3.0 * moves > 0.5 * lean * width, 1, 3)
-        self.leans = 3.0 * moves > 0.1 * lean * width
+        leans = 3.0 * moves / np.maximum(width, 1e-300)
+        self._powers = np.where(leans > 0.5 * lean, 1, 3)
+        leans = leans * self._powers / 3.0
+        self.leans = np.where(leans > 0.1 * lean, leans, 0.0)
         return gap, moves
 
     def shifts(self, cell: IntArray, s: FloatArray, t: FloatArray) -> FloatArray:
