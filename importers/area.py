@@ -28,6 +28,8 @@ CONVERGED = 1e-7
 USABLE = 1e-5
 FINENESS = (1, 2, 4, 8)
 MOST_EVALUATIONS = 1_500_000
+#: Points evaluated at a time: each one of a spline takes a copy of its control points.
+BLOCK = 20_000
 
 
 def face_area(face: RawFace, domain: Domain) -> float:
@@ -118,8 +120,12 @@ def _arc_nodes(arc: Arc, knots: KnotLines, fineness: int) -> tuple[FloatArray, F
 
 
 def _jacobian(surface: Surface, u: FloatArray, v: FloatArray) -> FloatArray:
-    _, a, b = surface.evaluate(u, v)
-    return np.asarray(np.linalg.norm(np.cross(a, b), axis=-1))
+    out = np.empty(len(u))
+    for start in range(0, len(u), BLOCK):
+        some = slice(start, start + BLOCK)
+        _, a, b = surface.evaluate(u[some], v[some])
+        out[some] = np.linalg.norm(np.cross(a, b), axis=-1)
+    return out
 
 
 def _curved_area(surface: Surface, domain: Domain, fineness: int) -> float:
