@@ -6,6 +6,7 @@ and not the angle, so that interpolation with the arc's weights reproduces it ex
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -15,11 +16,12 @@ from patchlight.solver.model.bezier import bernstein, split_matrix
 
 from . import nurbs
 from .chains import Part, Piece, normalised
-from .curves import Curve
+from .curves import Curve, Line
 
 SAMPLES = np.linspace(0.0, 1.0, 17)
 _SAMPLE_BASIS = bernstein(SAMPLES)
 _END_STEP = 2e-3
+_ENDS = np.array([0.0, _END_STEP, 1.0 - _END_STEP, 1.0])
 #: Share of an arc that counts as nothing.
 NEAR = 1e-4
 #: What takes a cubic to its halves.
@@ -56,6 +58,7 @@ class Arc:
     weights: FloatArray
     samples: FloatArray
     scale: FloatArray
+    _directions: tuple[FloatArray, FloatArray] | None = None
 
     def at(self, s: FloatArray) -> FloatArray:
         raise NotImplementedError
@@ -65,6 +68,14 @@ class Arc:
 
     def halves(self) -> tuple[Arc, Arc]:
         raise NotImplementedError
+
+    def line(self) -> tuple[float, ...] | None:
+        """Start (2), step (2), half angle and linear fraction (4) of a straight arc, else None.
+
+        With the fraction a, b, c, d and x = (a s + b) / (c s + d), the arc is at start +
+        `fraction` (x, half) · step.
+        """
+        return None
 
     def prepare(self) -> None:
         """Sample the arc in scaled coordinates."""
@@ -78,12 +89,18 @@ class Arc:
     def end(self) -> FloatArray:
         return self.samples[-1]
 
+    @property
     def directions(self) -> tuple[FloatArray, FloatArray]:
         """Unit tangents at the start and the end, scaled coordinates."""
-        p = self.at(np.array([0.0, _END_STEP, 1.0 - _END_STEP, 1.0])) * self.scale
-        a, b = p[1] - p[0], p[3] - p[2]
-        a, b = a / max(np.linalg.norm(a), 1e-300), b / max(np.linalg.norm(b), 1e-300)
-        return a, b
+        if self._directions is None:
+            if self.straight:
+                p = self.samples[[0, -1, 0, -1]]
+            else:
+                p = self.at(_ENDS) * self.scale
+            a, b = p[1] - p[0], p[3] - p[2]
+            a, b = a / max(math.hypot(*a), 1e-300), b / max(math.hypot(*b), 1e-300)
+            self._directions = a, b
+        return self._directions
 
 
 class NetArc(Arc):
@@ -166,6 +183,29 @@ class EdgeArc(Arc):
     def at(self, s: FloatArray) -> FloatArray:
         return np.asarray(self.side.curve.evaluate(self.parameter(s)) + self.side.shift)
 
+    def course(self) -> tuple[float, ...] | None:
+        """Start and step of the parameter of the curve, half angle and linear fraction.
+
+        As in `line`; None along hyperbolas.
+        """
+        piece = self.piece
+        if piece.kind == "hyperbola":
+            return None
+        m, half = self.run, 0.0
+        if piece.kind == "ellipse":
+            half = 0.5 * (piece.end - piece.start)
+        elif piece.kind == "rational":
+            m = np.array([[piece.ratio, 0.0], [piece.ratio - 1.0, 1.0]]) @ m
+        start = self.side.offset + self.side.rate * piece.start
+        return start, self.side.rate * (piece.end - piece.start), half, *m.ravel().tolist()
+
+    def line(self) -> tuple[float, ...] | None:
+        curve, course = self.side.curve, self.course()
+        if not isinstance(curve, Line) or course is None:
+            return None
+        start = curve.origin + course[0] * curve.direction + self.side.shift
+        return (*start.tolist(), *(course[1] * curve.direction).tolist(), *course[2:])
+
     def space(self, s: FloatArray) -> FloatArray:
         """Points (n, 3) of the chain at ``s`` (n,)."""
         if self.net is not None:
@@ -197,7 +237,15 @@ class EdgeArc(Arc):
         return self._half(0), self._half(1)
 
     def _between(self, a: float, b: float) -> EdgeArc:
-        parts = [((p - a) / (b - a), (q - a) / (b - a), n) for p, q, n in self.parts if a <= p < b]
+        """The arc over [a, b] of s where it is several parts, which are polynomials."""
+        parts: list[Part] = []
+        for p, q, net in self.parts:
+            low, high = max(p, a), min(q, b)
+            if high - low <= NEAR * (b - a):
+                continue
+            if low > p or high < q:
+                net = split_matrix((low - p) / (q - p), (high - p) / (q - p)) @ net
+            parts.append(((low - a) / (b - a), (high - a) / (b - a), net))
         run = self.run @ np.array([[b - a, a], [0.0, 1.0]])
         if len(parts) > 1:
             return EdgeArc(self.side, self.piece, None, parts, run, self.scale)
@@ -214,18 +262,52 @@ class EdgeArc(Arc):
         run = self.run @ inner
         return EdgeArc(self.side, self.piece, normalised(raw), [], run, self.scale)
 
-    def between(self, a: float, b: float) -> EdgeArc | None:
-        """The arc over the shares [a, b] of its parameter; None where several cubics meet in it."""
+    def between(self, a: float, b: float) -> EdgeArc:
+        """The arc over the shares [a, b] of its parameter."""
         if a < NEAR and b > 1.0 - NEAR:
             return self
         if self.net is None:
-            return None
+            return self._between(a, b)
         ends = (self.parameter(np.array([0.0, 1.0])) - self.side.offset) / self.side.rate
         m, s = self.run, []
         for share in (a, b):
             local = self.piece.local(float(ends[0] + share * (ends[1] - ends[0])))
             s.append(float((m[0, 1] - m[1, 1] * local) / (m[1, 0] * local - m[0, 0])))
         return self._restricted(s[0], s[1], split_matrix(s[0], s[1]))
+
+
+def joined(arcs: list[Arc]) -> list[Arc]:
+    """Arcs in which neighbours on one and the same approximated edge are one arc of many parts."""
+    out: list[Arc] = []
+    for arc in arcs:
+        before = out[-1] if out else None
+        both = before is not None and _continued(before, arc)
+        out[-1:] = [both] if both else [*out[-1:], arc]
+    return out
+
+
+def _continued(a: Arc, b: Arc) -> EdgeArc | None:
+    """Two arcs as one, where the second goes on on the same edge and both are polynomials."""
+    if not (isinstance(a, EdgeArc) and isinstance(b, EdgeArc)):
+        return None
+    if a.side is not b.side or a.piece.exact or b.piece.exact or not (a.straight and b.straight):
+        return None
+    backwards = bool(a.run[0, 0] < 0.0)
+    whole = REVERSED if backwards else np.eye(2)
+    if not (np.array_equal(a.run, whole) and np.array_equal(b.run, whole)):
+        return None
+    first, second = (b.piece, a.piece) if backwards else (a.piece, b.piece)
+    if first.end != second.start:
+        return None
+    length = second.end - first.start
+    parts: list[Part] = []
+    for piece in (first, second):
+        low, size = (piece.start - first.start) / length, (piece.end - piece.start) / length
+        own = piece.parts or [(0.0, 1.0, piece.net)]
+        parts += [(low + p * size, low + q * size, net) for p, q, net in own]
+    piece = Piece(first.start, second.end, first.net, False, parts=parts)
+    arc = EdgeArc.of(a.side, piece, a.scale)
+    return arc.reversed() if backwards else arc
 
 
 class Chord(Arc):
@@ -252,6 +334,9 @@ class Chord(Arc):
     def at(self, s: FloatArray) -> FloatArray:
         return np.asarray(self.p + fraction(s, self.half)[..., None] * (self.q - self.p))
 
+    def line(self) -> tuple[float, ...] | None:
+        return (*self.p.tolist(), *(self.q - self.p).tolist(), self.half, 1.0, 0.0, 0.0, 1.0)
+
     def reversed(self) -> Chord:
         net = None if self.net is None else self.net[::-1]
         out = Chord(self.q, self.p, self.half, self.scale, self.edge, net)
@@ -272,6 +357,22 @@ class Chord(Arc):
             Chord(self.p, m, h, self.scale, self.edge, nets[0]),
             Chord(m, self.q, h, self.scale, self.edge, nets[1]),
         )
+
+    def cut(self, shares: FloatArray) -> list[Chord]:
+        """The chord cut at ``shares`` of its length; it lies on no edge or at one pole."""
+        if not len(shares):
+            return [self]
+        at = np.concatenate([[0.0], shares, [1.0]])
+        out = []
+        for a, b in itertools.pairwise(at.tolist()):
+            p, q = self.p + a * (self.q - self.p), self.p + b * (self.q - self.p)
+            part = Chord(p, q, self.half * (b - a), self.scale, self.edge)
+            if self.net is not None:
+                w = part.weights[:, None]
+                pole = self.net[0, :3] / self.net[0, 3]
+                part.net = np.concatenate([pole * w, w], axis=1)
+            out.append(part)
+        return out
 
 
 def flat_chord(p: FloatArray, q: FloatArray, lift: FloatArray) -> NetArc:

@@ -17,14 +17,14 @@ from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
 
 from . import kept_parts, moments
-from .convert import AREA_LIMIT, FacePatches, check_area, convert_face
+from .convert import AREA_LIMIT, FacePatches, check_area, convert_faces
 from .extract import Extractor, faces_of
 from .occurrences import Body, Looks
 from .orientation import Senses, flips
 from .plausible import size_warnings
 
 #: Share of a part's tolerance that the chains of its edges may take.
-EDGE_SHARE = 0.25
+EDGE_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,21 +117,21 @@ def _convert(shape: Any, kind: str, options: Options) -> tuple[Converted, list[S
     size = diagonal(shape)
     tolerance = options.tolerance * size
     extractor = Extractor(shape, EDGE_SHARE * tolerance)
-    spent = 0.0
-    faces, senses, shapes = [], [], faces_of(shape)
+    shapes = faces_of(shape)
     with np.errstate(all="ignore"):
-        for item in shapes:
-            raw = extractor.face(item)
-            senses.append(
-                [(u.edge.index, u.reversed ^ raw.reversed) for uses in raw.loops for u in uses]
-            )
-            face = convert_face(raw, tolerance, options.angle_deg, size)
-            if options.check_areas:
-                start = time.perf_counter()
+        raws = [extractor.face(item) for item in shapes]
+        faces = convert_faces(raws, tolerance, options.angle_deg, size)
+        start = time.perf_counter()
+        if options.check_areas:
+            for raw, face in zip(raws, faces, strict=True):
                 check_area(raw, face)
-                spent += time.perf_counter() - start
-            face.domain = None
-            faces.append(face)
+        spent = time.perf_counter() - start if options.check_areas else 0.0
+    for face in faces:
+        face.domain = None
+    senses = [
+        [(u.edge.index, u.reversed ^ raw.reversed) for uses in raw.loops for u in uses]
+        for raw in raws
+    ]
     part = Converted(faces, shapes, extractor.count, size, kind, area_seconds=spent)
     return part, senses
 

@@ -87,6 +87,27 @@ def _corner_sines(p: FloatArray) -> FloatArray:
     return np.asarray(np.where(collapsed, 1.0, sine).min(axis=1))
 
 
+def corner_sines(corners: FloatArray) -> FloatArray:
+    """Sines (m, n) of the angles of ccw polygons (m, n, 2), negative where reflex."""
+    a = np.roll(corners, -1, axis=1) - corners
+    b = np.roll(corners, 1, axis=1) - corners
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    length = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
+    return np.asarray(cross / np.maximum(length, 1e-300))
+
+
+def straight_quality(corners: FloatArray) -> FloatArray:
+    """`quality` (m,) of cells with straight sides from their corners (m, 4, 2).
+
+    Directions inside are between those of opposite sides, so that no angle is worse than those of
+    the corners.
+    """
+    sine = corner_sines(corners)
+    a, b = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    joint = ((a * b).sum(axis=-1) < 0.0) & (sine > -1e-3)
+    return np.asarray(np.where(joint, np.maximum(sine, SMOOTH_JOINT), sine).min(axis=1))
+
+
 def side_samples(arc: Arc | None, point: FloatArray | None = None) -> FloatArray:
     """Nine samples of a side; a collapsed side is nine times ``point``."""
     if arc is None:

@@ -167,6 +167,7 @@ def _approximate(curve: Curve, cuts: FloatArray, tolerance: float) -> list[Piece
     out: list[Piece] = []
     basis = bernstein(_CHECK)
     for start, end in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        knots = (curve.breaks(start, end)[1:-1] - start) / (end - start)
         parts: list[Part] = []
         s0, s1 = np.array([0.0]), np.array([1.0])
         for depth in range(DEEPEST + 1):
@@ -189,7 +190,7 @@ def _approximate(curve: Curve, cuts: FloatArray, tolerance: float) -> list[Piece
                     break
             rows = zip(s0[good].tolist(), s1[good].tolist(), net[good], strict=True)
             parts.extend(rows)
-            middle = 0.5 * (s0 + s1)[~good]
+            middle = nurbs.middles(s0[~good], s1[~good], knots)
             s0, s1 = np.append(s0[~good], middle), np.append(middle, s1[~good])
             if not len(s0):
                 break
@@ -272,9 +273,9 @@ def chain(edge: Edge) -> list[Piece]:
         pieces = _exact(edge)
         if edge.curve is None:
             pieces = []
-        elif pieces is None or _count(pieces) > MANY_PIECES:
+        elif pieces is None or _count(pieces) > (MANY_PIECES if edge.exact else len(pieces)):
             fewer = _approximate(edge.curve, stations(edge), edge.tolerance)
-            if pieces is None or _count(fewer) < 0.5 * _count(pieces):
+            if pieces is None or _count(fewer) < (0.5 if edge.exact else 1.0) * _count(pieces):
                 pieces = fewer
         _join(edge, pieces)
         edge.chain = pieces

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from patchlight.solver.errors import GeometryError
@@ -12,12 +14,16 @@ from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .area import face_area
 from .cells import Cell, overlap, samples_of
-from .curves import Projected
-from .domain import Domain, curved_domain, enclosed_area, planar_domain
+from .curved_domain import curved_domain
+from .domain import Domain
+from .exact_nets import planar_nets
 from .extract import RawFace
-from .lift import Lifted, lifted, planar_net
+from .lift import Lifted, Task, lifted
 from .moments import vector_areas
-from .quadrangulate import cells_of
+from .pairing import THIN
+from .planar_domain import enclosed_area, planar_domain
+from .projected import projected
+from .quadrangulate import STRICT, cells_of
 from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle
 from .surfaces import Plane, SplineSurface, Surface
 
@@ -51,20 +57,72 @@ class FacePatches:
     domain: Domain | None = None
 
 
-def convert_face(raw: RawFace, tolerance: float, angle_deg: float, size: float) -> FacePatches:
-    """Patches of a face; ``tolerance`` and ``size`` of the part in file units. Never raises for
-    geometry: a face that cannot be converted has no patch and a reason."""
+#: What a face asks for until it is done: lifted cells, or areas of nets.
+Run = Generator[Any, Any, FacePatches]
+#: Errors of one face that leave the others alone.
+ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, IndexError, ValueError)
+#: Faces converted together: enough that the cost of a call to NumPy is shared.
+TOGETHER = 200
+
+
+def convert_faces(
+    raws: Sequence[RawFace], tolerance: float, angle_deg: float, size: float
+) -> list[FacePatches]:
+    """Patches of the faces of a part; ``tolerance`` and ``size`` of the part in file units.
+
+    Never raises for geometry: a face that cannot be converted has no patch and a reason.
+    """
+    if len(raws) > TOGETHER:
+        blocks = (raws[k : k + TOGETHER] for k in range(0, len(raws), TOGETHER))
+        return [f for some in blocks for f in convert_faces(some, tolerance, angle_deg, size)]
+    out: dict[int, FacePatches] = {}
+    runs = {i: _run(raw, tolerance, angle_deg, size) for i, raw in enumerate(raws)}
+    answers: dict[int, Any] = dict.fromkeys(runs)
+    while runs:
+        asked: dict[int, Any] = {}
+        for i, run in list(runs.items()):
+            answer = answers[i]
+            try:
+                asked[i] = run.throw(answer) if isinstance(answer, Exception) else run.send(answer)
+            except StopIteration as done:
+                out[i] = done.value
+                del runs[i]
+        tasks = {i: x for i, x in asked.items() if isinstance(x, Task)}
+        nets = {i: x for i, x in asked.items() if not isinstance(x, Task)}
+        answers = dict(zip(tasks, _lifted(list(tasks.values())), strict=True))
+        answers |= dict(zip(nets, _areas(list(nets.values())), strict=True))
+    return [out[i] for i in range(len(raws))]
+
+
+def _lifted(tasks: list[Task]) -> list[Lifted | Exception]:
+    """Lifted faces; an error belongs to the one face that causes it."""
+    try:
+        return [*lifted(tasks)] if tasks else []
+    except ERRORS as error:
+        return [error] if len(tasks) == 1 else [x for t in tasks for x in _lifted([t])]
+
+
+def _areas(nets: list[FloatArray]) -> list[FloatArray]:
+    """Areas of the patches of some faces."""
+    if not nets:
+        return []
+    ends = np.cumsum([len(n) for n in nets])
+    return np.split(bezier.areas(np.concatenate(nets)), ends[:-1])
+
+
+def _run(raw: RawFace, tolerance: float, angle_deg: float, size: float) -> Run:
+    """One face."""
     if raw.surface is None:
         return FacePatches("other", reason=raw.reason)
     kind = raw.surface.kind
     try:
         if isinstance(raw.surface, Plane):
-            out = _planar(raw, raw.surface)
+            out = yield from _planar(raw, raw.surface)
         else:
-            out = _curved(raw, raw.surface, tolerance, angle_deg, size)
+            out = yield from _curved(raw, raw.surface, tolerance, angle_deg, size)
     except (GeometryError, FloatingPointError, np.linalg.LinAlgError) as error:
         return FacePatches(kind, reason=str(error))
-    except (ArithmeticError, IndexError, ValueError) as error:
+    except ERRORS as error:
         return FacePatches(kind, reason=f"unexpected geometry ({error})")
     if raw.reversed and len(out.nets):
         out.nets = out.nets[:, ::-1]
@@ -73,9 +131,10 @@ def convert_face(raw: RawFace, tolerance: float, angle_deg: float, size: float) 
     return out
 
 
-def _drop_empty(nets: FloatArray, edges: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
+def _drop_empty(
+    nets: FloatArray, edges: IntArray, areas: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """Without patches of no area (collapsed to a line or point), which carry no light."""
-    areas = bezier.areas(nets)
     if not np.isfinite(areas).all() or not (nets[..., 3] > 0.0).all():
         raise GeometryError("a patch is not finite or has a weight that is not positive")
     keep = areas > 1e-13 * areas.sum()
@@ -97,7 +156,7 @@ def check_area(raw: RawFace, face: FacePatches) -> None:
         face.reason = f"area off by {face.area_error:.1e}"
 
 
-def _planar(raw: RawFace, surface: Plane) -> FacePatches:
+def _planar(raw: RawFace, surface: Plane) -> Run:
     domain = planar_domain(raw, surface)
     wanted = enclosed_area(domain)
     if wanted <= 1e-12 * domain.size**2:
@@ -110,9 +169,9 @@ def _planar(raw: RawFace, surface: Plane) -> FacePatches:
         except GeometryError as error:
             reason = reason or str(error)
             continue
-        nets = np.array([planar_net(c) for c in cells])
+        nets = planar_nets(cells)
         edges = np.array([c.edges for c in cells])
-        nets, edges, areas = _drop_empty(nets, edges)
+        nets, edges, areas = _drop_empty(nets, edges, (yield nets))
         area = float(areas.sum())
         out = FacePatches("plane", nets, edges, domain.exact, gap=domain.gap, area=area)
         # Cells that fold or overlap have more area than the boundary encloses.
@@ -138,14 +197,14 @@ def _planar(raw: RawFace, surface: Plane) -> FacePatches:
 
 def _folded(cells: list[Cell]) -> list[Cell]:
     """Planar cells whose area is larger than their vector area: somewhere they turn over."""
-    nets = np.array([planar_net(c) for c in cells])
+    nets = planar_nets(cells)
     areas = bezier.areas(nets)
     vectors = vector_areas(nets)
     excess = areas - np.linalg.norm(vectors, axis=1)
     return [c for c, e in zip(cells, excess, strict=True) if e > 1e-8 * areas.sum()]
 
 
-def _cells(domain: Domain, attempt: int, *, planar: bool) -> list:
+def _cells(domain: Domain, attempt: int, *, planar: bool, thin: float = THIN) -> list:
     """Cells of all regions; later attempts start from arcs cut in two."""
     cells = []
     for region in domain.regions:
@@ -156,7 +215,7 @@ def _cells(domain: Domain, attempt: int, *, planar: bool) -> list:
                 for loop in loops
             ]
         folded = _folded if planar else None
-        cells.extend(cells_of(loops, domain.chord, planar=planar, folded=folded))
+        cells.extend(cells_of(loops, domain.chord, planar=planar, folded=folded, thin=thin))
     return cells
 
 
@@ -177,8 +236,7 @@ def follow_edges(raw: RawFace, surface: Surface, limit: float) -> None:
             off = np.linalg.norm(surface.points(uv[:, 0], uv[:, 1]) - x, axis=1).max()
             if off <= limit or use.end == use.start:
                 continue
-            rate = (edge.end - edge.start) / (use.end - use.start)
-            better = Projected(use.curve, surface, edge.curve, use.start, rate, edge.start)
+            better = projected(use, surface, 0.1 * limit)
             uv = better.evaluate(use.start + (use.end - use.start) * f)
             now = np.linalg.norm(surface.points(uv[:, 0], uv[:, 1]) - x, axis=1).max()
             if now < 0.5 * off:
@@ -203,9 +261,7 @@ def _edge_gap(raw: RawFace) -> float:
     return float(np.linalg.norm(x - np.concatenate(space), axis=1).max())
 
 
-def _curved(
-    raw: RawFace, surface: Surface, tolerance: float, angle_deg: float, size: float
-) -> FacePatches:
+def _curved(raw: RawFace, surface: Surface, tolerance: float, angle_deg: float, size: float) -> Run:
     domain = curved_domain(raw, surface)
     gap = _edge_gap(raw)
     margin = min(1e-6 * domain.size, 0.1 * tolerance)
@@ -221,7 +277,7 @@ def _curved(
     if box is None:
         # Nearly a rectangle: taken as one when next to nothing of its area is lost.
         box = rectangle(domain, min(1e-4 * domain.size, 0.1 * tolerance), lost=1e-5)
-    out = _best(job, box)
+    out = yield from _best(job, box)
     out.domain = domain
     return out
 
@@ -238,23 +294,23 @@ class _Job:
     size: float
 
 
-def _best(job: _Job, box: Rectangle | None) -> FacePatches:
+def _best(job: _Job, box: Rectangle | None) -> Run:
     surface = job.surface
     if box is not None and isinstance(surface, SplineSurface):
         found = exact_spline(surface, box)
         if found is not None:
-            nets, edges, areas = _drop_empty(*found)
+            nets, edges, areas = _drop_empty(*found, (yield found[0]))
             out = FacePatches(surface.kind, nets, edges, True, gap=job.gap, area=float(areas.sum()))
             if len(nets) <= MANY_PATCHES:
                 return out
-            other = _adaptive(job, box)
+            other = yield from _adaptive(job, box)
             return other if 2 * len(other.nets) < len(nets) and not _missed(other) else out
-    out = _adaptive(job, box)
-    if box is not None and _missed(out) and not _singular(surface, box):
-        # Knots of low continuity may spoil a cell that crosses them: cut there and compare.
-        cut = _adaptive(job, box, at_knots=True)
-        if not _missed(cut) or len(cut.nets) < len(out.nets):
-            return cut
+    out = yield from _adaptive(job, box)
+    if box is None and _missed(out):
+        # Cells with a cusp have no normal there: their sides are worth cutting.
+        other = yield from _adaptive(job, box, thin=STRICT)
+        if other.angle_deg < out.angle_deg:
+            return other
     return out
 
 
@@ -267,17 +323,7 @@ def _missed(face: FacePatches) -> bool:
     return face.reason == MISSED
 
 
-def _singular(surface: Surface, box: Rectangle) -> bool:
-    """Whether the surface has no normal somewhere on its border: then no cut helps."""
-    u0, u1, v0, v1 = box.box
-    f = np.linspace(0.0, 1.0, 9)
-    u, v = np.meshgrid(u0 + (u1 - u0) * f, v0 + (v1 - v0) * f, indexing="ij")
-    _, a, b = surface.evaluate(u, v)
-    j = np.linalg.norm(np.cross(a, b), axis=-1)
-    return bool(j.min() < 1e-5 * j.max())
-
-
-def _adaptive(job: _Job, box: Rectangle | None, *, at_knots: bool = False) -> FacePatches:
+def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN) -> Run:
     surface, domain = job.surface, job.domain
     snap = max(10.0 * job.tolerance, 2.0 * job.gap)
     reason = ""
@@ -285,9 +331,9 @@ def _adaptive(job: _Job, box: Rectangle | None, *, at_knots: bool = False) -> Fa
     for attempt in range(2):
         try:
             if box is not None:
-                cells = grid_cells(surface, box, domain.scale, at_knots=at_knots)
+                cells = grid_cells(surface, box, domain.scale)
                 break
-            cells = _cells(domain, attempt, planar=False)
+            cells = _cells(domain, attempt, planar=False, thin=thin)
         except GeometryError as error:
             reason = reason or str(error)
             continue
@@ -297,12 +343,12 @@ def _adaptive(job: _Job, box: Rectangle | None, *, at_knots: bool = False) -> Fa
         reason, cells = f"cells overlap by {lost:.1e} of the face", None
     if cells is None:
         raise GeometryError(reason)
-    result = lifted(surface, cells, job.tolerance, job.angle_deg, snap)
+    task = Task(surface, cells, job.tolerance, job.angle_deg, snap)
+    result = yield task
     if result.area_error > 0.5 * AREA_LIMIT:
-        limit = 0.5 * AREA_LIMIT
-        other = lifted(surface, cells, job.tolerance, job.angle_deg, snap, limit, eager=True)
+        other = yield replace(task, area_limit=0.5 * AREA_LIMIT, eager=True)
         result = min(result, other, key=_rank)
-    nets, edges, areas = _drop_empty(result.nets, result.edges)
+    nets, edges, areas = _drop_empty(result.nets, result.edges, result.areas)
     exact = result.deviation <= ROUNDING * job.size and result.angle_deg < 1e-4
     exact = exact and result.gap <= 1e-7 * job.size
     out = FacePatches(

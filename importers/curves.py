@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray
@@ -142,62 +141,3 @@ class Sampled(Curve):
 
     def slope(self, t: FloatArray) -> FloatArray:
         return self._all(t, 1)
-
-
-@dataclass(slots=True)
-class Projected(Curve):
-    """The curve in (u, v) of an edge whose own one does not follow it: feet of its points.
-
-    ``first`` starts the Gauss–Newton iteration on |S(u, v) − X(t)|²; the edge's parameter is
-    ``(t − start) · rate + edge_start``.
-    """
-
-    first: Curve
-    surface: Any
-    edge: Curve
-    start: float
-    rate: float
-    edge_start: float
-
-    def _edge_parameter(self, t: FloatArray) -> FloatArray:
-        return self.edge_start + (t - self.start) * self.rate
-
-    def _step(self, uv: FloatArray, target: FloatArray, *, velocity: bool) -> FloatArray:
-        p, a, b = self.surface.evaluate(uv[:, 0], uv[:, 1])
-        r = target if velocity else target - p
-        aa, bb = np.einsum("ij,ij->i", a, a), np.einsum("ij,ij->i", b, b)
-        ab = np.einsum("ij,ij->i", a, b)
-        ra, rb = np.einsum("ij,ij->i", a, r), np.einsum("ij,ij->i", b, r)
-        det = aa * bb - ab * ab
-        ok = (det > 1e-10 * aa.max() * bb.max()) & (det > 1e-8 * aa * bb)
-        det = np.where(ok, det, 1.0)
-        step = np.stack([(bb * ra - ab * rb) / det, (aa * rb - ab * ra) / det], axis=1)
-        return np.where(ok[:, None], step, 0.0)  # at a pole the start is as good as any
-
-    def evaluate(self, t: FloatArray) -> FloatArray:
-        t = np.asarray(t, dtype=np.float64)
-        flat = t.ravel()
-        start = self.first.evaluate(flat)
-        uv = start.copy()
-        target = self.edge.evaluate(self._edge_parameter(flat))
-        for _ in range(5):
-            uv = uv + self._step(uv, target, velocity=False)
-        wild = ~np.isfinite(uv).all(axis=1)
-        uv[wild] = start[wild]
-        return np.asarray(uv.reshape(*t.shape, 2))
-
-    def slope(self, t: FloatArray) -> FloatArray:
-        t = np.asarray(t, dtype=np.float64)
-        uv = self.evaluate(t.ravel())
-        speed = self.edge.slope(self._edge_parameter(t.ravel())) * self.rate
-        out = self._step(uv, speed, velocity=True)
-        still = (out == 0.0).all(axis=1)
-        out[still] = self.first.slope(t.ravel())[still]
-        return np.asarray(out.reshape(*t.shape, 2))
-
-    def breaks(self, a: float, b: float) -> FloatArray:
-        return (
-            self.edge.breaks(a, b)
-            if self.rate == 1.0 and self.start == self.edge_start
-            else (self.first.breaks(a, b))
-        )

@@ -78,6 +78,8 @@ class Edge:
     tolerance: float
     vertices: tuple[FloatArray | None, FloatArray | None] = (None, None)
     gap: float = 0.0
+    #: Whether a face is exact only if the chain is.
+    exact: bool = False
     chain: Any = None
     stations: FloatArray | None = None
 
@@ -129,7 +131,7 @@ def _flat(knots: Any, multiplicities: Any, n: int) -> FloatArray:
     return np.repeat(np.array(k), m)
 
 
-def _spline_curve(c: Any, coordinates: Any) -> BSpline:
+def _spline_curve(c: Any, coordinates: Any) -> Curve:
     period = None
     if c.IsPeriodic():
         period = c.Period()
@@ -141,15 +143,29 @@ def _spline_curve(c: Any, coordinates: Any) -> BSpline:
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
     flat = _flat(c.Knots(), c.Multiplicities(), n)
     breaks, pieces = nurbs.bezier_pieces(flat, degree, h)
-    return BSpline(breaks, pieces, degree, period)
+    return _simplest(BSpline(breaks, pieces, degree, period))
 
 
-def _bezier_curve(c: Any, coordinates: Any) -> BSpline:
+def _bezier_curve(c: Any, coordinates: Any) -> Curve:
     n = c.NbPoles()
     points = np.array([coordinates(c.Pole(i)) for i in range(1, n + 1)])
     w = np.array([c.Weight(i) for i in range(1, n + 1)])
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
-    return BSpline(np.array([0.0, 1.0]), h[None], n - 1)
+    return _simplest(BSpline(np.array([0.0, 1.0]), h[None], n - 1))
+
+
+def _simplest(curve: BSpline) -> Curve:
+    """The line that a spline of one piece is to rounding, else the spline."""
+    if len(curve.pieces) > 1:
+        return curve
+    net = curve.pieces[0]
+    line = np.linspace(net[0], net[-1], len(net))
+    if np.abs(net - line).max() > 1e-15 * np.abs(net).max() or net[0, -1] != net[-1, -1]:
+        return curve
+    p, q = net[[0, -1], :-1] / net[0, -1]
+    start, end = curve.knots
+    direction = (q - p) / (end - start)
+    return Line(p - start * direction, direction)
 
 
 def curve_3d(c: Any) -> Curve:
@@ -292,6 +308,12 @@ def surface(s: Any, box: tuple[float, float, float, float]) -> Surface:
     return PointSurface(point, periods)
 
 
+def along_parameter(use: EdgeUse) -> bool:
+    """Whether the curve in (u, v) is a line of constant u or v."""
+    curve = use.curve
+    return isinstance(curve, Line) and float(np.abs(curve.direction).min()) < 1e-9
+
+
 class Extractor:
     """Extracts the faces of one shape; edges shared by faces are extracted once.
 
@@ -327,6 +349,10 @@ class Extractor:
         if geometry is None:
             return RawFace(None, is_reversed, [], 0.0, "the face has no surface (tessellated only)")
         planar = isinstance(geometry, Geom_Plane)
+        box = (0.0, 1.0, 0.0, 1.0)
+        if isinstance(geometry, Geom_OffsetSurface | Geom_RectangularTrimmedSurface):
+            box = tuple(BRepTools.UVBounds_s(f))  # type: ignore[assignment]
+        array = surface(geometry, box)
         loops = []
         iterator = TopoDS_Iterator(f)
         while iterator.More():
@@ -336,11 +362,10 @@ class Extractor:
                 uses = self._loop(TopoDS.Wire_s(item), f, planar)
                 if uses:
                     loops.append(uses)
-        box = (0.0, 1.0, 0.0, 1.0)
-        if isinstance(geometry, Geom_OffsetSurface | Geom_RectangularTrimmedSurface):
-            box = tuple(BRepTools.UVBounds_s(f))  # type: ignore[assignment]
-        tolerance = BRep_Tool.Tolerance_s(f)
-        return RawFace(surface(geometry, box), is_reversed, loops, tolerance)
+        for uses in loops:
+            for use in uses:
+                use.edge.exact |= array.exact_spline_lines and (planar or along_parameter(use))
+        return RawFace(array, is_reversed, loops, BRep_Tool.Tolerance_s(f))
 
     def _loop(self, wire: Any, face: Any, planar: bool) -> list[EdgeUse]:
         uses = []

@@ -29,11 +29,17 @@ Use = tuple[float, float, int, int]
 
 
 def mended(
-    nets: FloatArray, cell: IntArray, box: FloatArray, arcs: list[list[Arc | None]]
+    nets: FloatArray,
+    some: IntArray,
+    face: IntArray,
+    cell: IntArray,
+    box: FloatArray,
+    arcs: list[list[Arc | None]],
 ) -> dict[int, list[tuple[int, int]]]:
-    """Replace the shorter sides in ``nets`` (n, 4, 4, 4).
+    """Replace the shorter sides in ``nets`` (n, 4, 4, 4) of ``some`` of the patches.
 
-    ``arcs`` are the sides of each cell, run in the direction of +s or +t.
+    ``face``, ``cell`` (n,) and ``box`` (n, 4) say where each patch lies; ``arcs`` are the sides of
+    each cell, run in the direction of +s or +t.
 
     Returns
     -------
@@ -41,7 +47,8 @@ def mended(
         By patch that changed: the patches and their sides that it now follows.
     """
     lines: dict[Key, list[Use]] = defaultdict(list)
-    for i, (c, (s0, s1, t0, t1)) in enumerate(zip(cell.tolist(), box.tolist(), strict=True)):
+    columns = (some.tolist(), face[some].tolist(), cell[some].tolist(), box[some].tolist())
+    for i, f, c, (s0, s1, t0, t1) in zip(*columns, strict=True):
         for k, (at, a, b) in enumerate(((t0, s0, s1), (s1, t0, t1), (t1, s0, s1), (s0, t0, t1))):
             if 0.0 < at < 1.0:
                 lines[c, k % 2, at].append((a, b, i, k))
@@ -51,9 +58,9 @@ def mended(
                 # The other cell may run along it backwards.
                 p, q = tuple(arc.p.tolist()), tuple(arc.q.tolist())
                 if p <= q:
-                    lines[*p, *q].append((a, b, i, k))
+                    lines[f, *p, *q].append((a, b, i, k))
                 else:
-                    lines[*q, *p].append((1.0 - a, 1.0 - b, i, k))
+                    lines[f, *q, *p].append((1.0 - a, 1.0 - b, i, k))
     changed: dict[int, list[tuple[int, int]]] = defaultdict(list)
     for uses in lines.values():
         if len({(min(u[:2]), max(u[:2])) for u in uses}) * 2 != len(uses):

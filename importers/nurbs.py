@@ -7,6 +7,7 @@ continuation is what the CAD kernel does as well.
 References
 ----------
 .. [1] G. Farin, "Curves and Surfaces for CAGD", 5th ed., Morgan Kaufmann, 2002, ch. 5, 8 and 13.
+.. [2] L. Piegl, W. Tiller, "The NURBS Book", 2nd ed., Springer, 1997, sec. 4.5.
 """
 
 from __future__ import annotations
@@ -17,6 +18,14 @@ from math import ceil, comb, floor
 import numpy as np
 from numpy.typing import ArrayLike
 from patchlight.solver.model.arrays import FloatArray, IntArray
+
+#: Orders of derivatives in u and v: each after those that it needs.
+Orders = tuple[tuple[int, int], ...]
+POINT: Orders = ((0, 0),)
+FIRST: Orders = ((0, 0), (1, 0), (0, 1))
+SECOND: Orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+#: Share of an interval that is no interval of its own.
+CLOSE = 1e-4
 
 
 def bezier_pieces(
@@ -79,9 +88,15 @@ def _binomials(degree: int) -> FloatArray:
 
 def bernstein_basis(degree: int, t: FloatArray) -> FloatArray:
     """Bernstein polynomials (..., degree + 1) at ``t`` (...,). [1, eq. 5.1]"""
-    i = np.arange(degree + 1)
-    t = t[..., None]
-    return np.asarray(_binomials(degree) * t**i * (1.0 - t) ** (degree - i))
+    out = np.empty((*t.shape, degree + 1))
+    out[...] = _binomials(degree)
+    s = 1.0 - t
+    rising, falling = t, s
+    for i in range(1, degree + 1):
+        out[..., i] *= rising
+        out[..., degree - i] *= falling
+        rising, falling = rising * t, falling * s
+    return out
 
 
 def bernstein_slope(degree: int, t: FloatArray) -> FloatArray:
@@ -94,9 +109,49 @@ def bernstein_slope(degree: int, t: FloatArray) -> FloatArray:
     return out
 
 
+def bernstein_derivatives(degree: int, t: FloatArray, order: int) -> FloatArray:
+    """Derivatives (..., degree + 1) of ``order`` 0, 1 or 2 of the Bernstein polynomials."""
+    if order == 0:
+        return bernstein_basis(degree, t)
+    if order == 1 or degree < 2:
+        return bernstein_slope(degree, t) if order == 1 else np.zeros((*t.shape, degree + 1))
+    lower = degree * bernstein_slope(degree - 1, t)
+    out = np.zeros((*t.shape, degree + 1))
+    out[..., 1:] = lower
+    out[..., :-1] -= lower
+    return out
+
+
+def patch_derivatives(
+    nets: FloatArray, s: FloatArray, ds: FloatArray, t: FloatArray, dt: FloatArray, orders: Orders
+) -> tuple[FloatArray, ...]:
+    """Points and derivatives (n, 3) of rational patches (n, pu + 1, pv + 1, 4) at s, t (n,).
+
+    Derivatives are with respect to parameters that run ``ds`` and ``dt`` (n,) over a patch; those
+    of w P follow from the net, those of P from Leibniz' rule [2].
+    """
+    pu, pv = nets.shape[1] - 1, nets.shape[2] - 1
+    mu, mv = np.max(orders, axis=0).tolist()
+    along_u = [bernstein_derivatives(pu, s, k) / ds[:, None] ** k for k in range(mu + 1)]
+    along_v = [bernstein_derivatives(pv, t, k) / dt[:, None] ** k for k in range(mv + 1)]
+    # First over v: one vector-matrix product a point, with all coefficients in u as columns.
+    flat = np.ascontiguousarray(nets.swapaxes(1, 2)).reshape(len(nets), pv + 1, -1)
+    rows = [(b[:, None] @ flat).reshape(len(nets), pu + 1, 4) for b in along_v]
+    found: dict[tuple[int, int], FloatArray] = {}
+    weights: dict[tuple[int, int], FloatArray] = {}
+    for k, m in orders:
+        h = (along_u[k][:, None] @ rows[m])[:, 0]
+        a, weights[k, m] = h[:, :3], h[:, 3:]
+        for i, j in found:
+            if i <= k and j <= m:
+                a = a - comb(k, i) * comb(m, j) * weights[k - i, m - j] * found[i, j]
+        found[k, m] = a / weights[0, 0]
+    return tuple(found[order] for order in orders)
+
+
 def locate(breaks: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Piece, local parameter and length of the piece for each ``t`` (...,)."""
-    piece = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
+    piece = np.searchsorted(breaks[1:-1], t, side="right")
     length = breaks[piece + 1] - breaks[piece]
     return piece, (t - breaks[piece]) / length, length
 
@@ -137,3 +192,13 @@ def knots_between(knots: FloatArray, period: float | None, a: float, b: float) -
     margin = 1e-9 * (b - a)
     inside = knots[(knots > a + margin) & (knots < b - margin)]
     return np.concatenate([[a], inside, [b]])
+
+
+def middles(low: FloatArray, high: FloatArray, knots: FloatArray) -> FloatArray:
+    """Where to halve the intervals [low, high] (n,): at the knot next to the middle, if any."""
+    middle = 0.5 * (low + high)
+    if not len(knots):
+        return middle
+    near = knots[np.argmin(np.abs(knots[None] - middle[:, None]), axis=1)]
+    margin = CLOSE * (high - low)
+    return np.where((near > low + margin) & (near < high - margin), near, middle)

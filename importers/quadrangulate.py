@@ -7,7 +7,6 @@ left over is a cell with one collapsed side.
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Callable
 
@@ -16,23 +15,21 @@ from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
 
 from .arcs import Arc
-from .cells import Cell, quality, samples_of, side_samples
-from .triangulate import crossings, inside, triangulate
-
-ChordMaker = Callable[[FloatArray, FloatArray], Arc]
-Loop = list[Arc]
+from .cells import Cell, quality, samples_of
+from .pairing import PAIRED, THIN, ChordMaker, Loop, best_triangle, paired
+from .together import rows_of
+from .triangulate import crossings, inside, overlapping
 
 GOOD = 0.2
-PAIRED = 0.1
-THIN = 0.02
+#: Quality below which halving of sides goes on where cells of less have failed.
+STRICT = 0.25
 FOLDED = 1e-3
-SMOOTH = math.cos(math.radians(20.0))
 MOST_ARCS = 3000
 
 
 def corner_turns(loop: Loop) -> FloatArray:
     """Exterior angle at the start of each arc [rad], positive at convex corners."""
-    d = [a.directions() for a in loop]
+    d = [a.directions for a in loop]
     out = []
     for k in range(len(loop)):
         e, s = d[k - 1][1], d[k][0]
@@ -46,10 +43,12 @@ def cells_of(
     *,
     planar: bool,
     folded: Callable[[list[Cell]], list[Cell]] | None = None,
+    thin: float = THIN,
 ) -> list[Cell]:
     """Cells of one region (outer loop counter-clockwise, then holes).
 
-    ``folded`` picks the cells whose patches would overlap themselves, which samples may miss.
+    ``folded`` picks the cells whose patches would overlap themselves, which samples may miss. Cells
+    of a quality below ``thin`` are worth a few more.
 
     Raises
     ------
@@ -57,13 +56,15 @@ def cells_of(
         If no valid decomposition is found; the message is the reason for the certificate.
     """
     if len(loops) == 1:
-        simple = _simple(loops[0], chord)
-        if simple is not None and not (folded and folded(simple)):
-            return simple
-    return _general(loops, chord, planar, folded)
+        simple = _simple(loops[0], chord, thin)
+        if simple is not None:
+            curved = any(a is not None and not a.straight for c in simple for a in c.sides)
+            if not (folded and curved and folded(simple)):
+                return simple
+    return _general(loops, chord, planar, folded, thin)
 
 
-def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
+def _simple(loop: Loop, chord: ChordMaker, thin: float) -> list[Cell] | None:
     if len(loop) == 1:
         a, b = loop[0].halves()
         loop = [*a.halves(), *b.halves()]
@@ -71,32 +72,24 @@ def _simple(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
         turns = corner_turns(loop)
         if turns.min() > math.radians(30.0):
             cell = Cell((loop[0], None, loop[1], None))
-            if quality(samples_of([cell]))[0] > THIN:
+            if quality(samples_of([cell]))[0] > thin:
                 return [cell]
         loop = [*loop[0].halves(), *loop[1].halves()]
     turns = corner_turns(loop)
     if len(loop) == 3 and (turns > math.radians(15.0)).all():
-        cell, best = _triangle(loop)
-        if best > PAIRED:
+        cell, best = best_triangle(loop)
+        if best > max(PAIRED, thin):
             return [cell]
     if len(loop) == 4 and (turns > math.radians(25.0)).all():
         cell = Cell((loop[0], loop[1], loop[2], loop[3]))
+        # Between straight sides the angles are between those of the corners.
+        if all(a.straight for a in loop) and np.sin(turns).min() > GOOD:
+            return [cell]
         if quality(samples_of([cell]))[0] > GOOD:
             return [cell]
     if 4 <= len(loop) <= 8 and (np.abs(turns) < math.radians(30.0)).all():
         return _disc(loop, chord)
     return None
-
-
-def _triangle(arcs: list[Arc]) -> tuple[Cell, float]:
-    """The best of the three ways to collapse a side, and its quality."""
-    options = []
-    for k in range(3):
-        a, b, c = arcs[k], arcs[(k + 1) % 3], arcs[(k + 2) % 3]
-        options.append(Cell((a, b, None, c)))
-    q = quality(samples_of(options))
-    best = int(np.argmax(q))
-    return options[best], float(q[best])
 
 
 def _disc(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
@@ -148,16 +141,15 @@ def _offenders(loops: list[Loop]) -> set[int]:
     samples = np.array([arcs[k].samples for k in curved.tolist()])
     low, high = samples.min(axis=1), samples.max(axis=1)
     # Only arcs with a foreign vertex in their box are looked at one by one.
-    margin = 1e-7 * (high - low).max(axis=1)[:, None]
-    block = max(1, 400_000 // len(p))
-    for first in range(0, len(curved), block):
-        some = slice(first, first + block)
-        near = (p >= low[some, None]).all(-1) & (p <= high[some, None]).all(-1)
-        for end in (samples[some, :1], samples[some, -1:]):
-            near &= np.abs(p - end).max(axis=-1) > margin[some]
-        for k in np.flatnonzero(near.any(axis=1)).tolist():
-            if inside(samples[first + k], p[near[k]]).any():
-                bad.add(id(arcs[curved[first + k]]))
+    margin = 1e-7 * (high - low).max(axis=1)
+    k, v = overlapping(low, high, p, p)
+    foreign = np.ones(len(k), dtype=bool)
+    for end in (samples[:, 0], samples[:, -1]):
+        foreign &= np.abs(p[v] - end[k]).max(axis=1) > margin[k]
+    k, v = k[foreign], v[foreign]
+    for i, rows in rows_of(k, np.arange(len(curved))):
+        if inside(samples[i], p[v[rows]]).any():
+            bad.add(id(arcs[curved[i]]))
     return bad
 
 
@@ -199,7 +191,7 @@ def _same(p: FloatArray, q: FloatArray, arc: Arc) -> bool:
 
 def _center(arc: Arc) -> FloatArray | None:
     """Centre of a convex arc that turns 40 to 100 degrees and is nearly circular, else None."""
-    d0, d1 = arc.directions()
+    d0, d1 = arc.directions
     turn = math.atan2(d0[0] * d1[1] - d0[1] * d1[0], float(d0 @ d1))
     if not 0.7 < turn < 1.75:
         return None
@@ -214,6 +206,7 @@ def _general(
     chord: ChordMaker,
     planar: bool,
     folded: Callable[[list[Cell]], list[Cell]] | None,
+    thin: float,
 ) -> list[Cell]:
     reason = ""
     fallback: list[Cell] | None = None
@@ -238,9 +231,9 @@ def _general(
                 return extra
             if sectors and not _clean(cut):
                 break
-            # Thin cells are worth two rounds of halving, folded ones more.
-            limit = THIN if round_ < 2 else FOLDED
-            cells, worst, reason = _paired(cut, chord, limit)
+            # Thin cells are worth three rounds of halving, folded ones more.
+            limit = thin if round_ < 3 else FOLDED
+            cells, worst, reason = paired(cut, chord, limit)
             if cells is not None and not worst and folded is not None:
                 for cell in folded(cells):
                     worst |= {id(a) for a in cell.sides if a is not None and not a.straight}
@@ -275,160 +268,3 @@ def _clean(loops: list[Loop]) -> bool:
     arcs = [a for loop in loops for a in loop]
     p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
     return not crossings(p, q).any()
-
-
-def _paired(
-    loops: list[Loop], chord: ChordMaker, limit: float
-) -> tuple[list[Cell] | None, set[int], str]:
-    """Cells of a triangulation, identities of the arcs to halve, and why it failed."""
-    vertices = [np.array([a.start for a in loop]) for loop in loops]
-    triangles = triangulate(vertices)
-    if triangles is None:
-        return None, set(), "the boundary touches or crosses itself"
-    arcs: dict[tuple[int, int], Arc] = {}
-    base = 0
-    for loop in loops:
-        n = len(loop)
-        for k, arc in enumerate(loop):
-            arcs[base + k, base + (k + 1) % n] = arc
-        base += n
-    points = np.concatenate(vertices)
-    scale = loops[0][0].scale
-
-    def side(a: int, b: int) -> Arc:
-        found = arcs.get((a, b))
-        if found is None:
-            found = chord(points[a] / scale, points[b] / scale)
-            arcs[a, b] = found
-            arcs[b, a] = found.reversed()
-        return found
-
-    triangles, alone = _reshaped(triangles, points, side)
-    owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(triangles) for k in range(3)}
-    pairs: list[tuple[int, int]] = []
-    quads: list[tuple[int, int, int, int]] = []
-    for (a, b), i in owner.items():
-        j = owner.get((b, a))
-        if j is None or i > j:
-            continue
-        c = next(x for x in triangles[i] if x not in (a, b))
-        d = next(x for x in triangles[j] if x not in (a, b))
-        pairs.append((i, j))
-        quads.append((a, d, b, c))
-    sides = [tuple(side(q[k], q[(k + 1) % 4]) for k in range(4)) for q in quads]
-    q = quality(np.array([side_samples(s) for four in sides for s in four]).reshape(-1, 4, 9, 2))
-    chosen = _match(pairs, q, alone)
-    cells = [Cell(sides[k]) for k in chosen]  # type: ignore[arg-type]
-    used = {t for k in chosen for t in pairs[k]}
-    worst: set[int] = set()
-    chosen_bad = [k for k in chosen if q[k] < limit]
-    for k in chosen_bad:
-        worst.update(id(a) for a in sides[k] if not a.straight)
-    for i, t in enumerate(triangles):
-        if i in used:
-            continue
-        three = [side(t[k], t[(k + 1) % 3]) for k in range(3)]
-        cell, best = _triangle(three)
-        if best < limit:
-            curved = [id(a) for a in three if not a.straight]
-            worst.update(curved)
-        cells.append(cell)
-    return cells, worst, ""
-
-
-Triangle = tuple[int, int, int]
-
-
-def _shape(triangles: list[Triangle], side: Callable[[int, int], Arc]) -> FloatArray:
-    """Quality (n,) of triangles as cells with one collapsed side, curved sides included."""
-    found = [side_samples(side(t[k], t[(k + 1) % 3])) for t in triangles for k in range(3)]
-    three = np.array(found).reshape(-1, 3, 9, 2)
-    four = np.empty((len(three), 3, 4, 9, 2))
-    for k in range(3):
-        a, b, c = three[:, k], three[:, (k + 1) % 3], three[:, (k + 2) % 3]
-        four[:, k, 0], four[:, k, 1], four[:, k, 3] = a, b, c
-        four[:, k, 2] = b[:, -1:]
-    return np.asarray(quality(four.reshape(-1, 4, 9, 2)).reshape(-1, 3).max(axis=1))
-
-
-def _reshaped(
-    triangles: list[Triangle], points: FloatArray, side: Callable[[int, int], Arc]
-) -> tuple[list[Triangle], FloatArray]:
-    """Diagonals swapped while that improves a bad triangle: Delaunay's rule sees chords only.
-
-    The triangles and their quality as cells.
-    """
-    tri = list(triangles)
-    q = _shape(tri, side)
-    for _ in range(6):
-        bad = [i for i in np.argsort(q).tolist() if q[i] < PAIRED]
-        if not bad:
-            break
-        owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(tri) for k in range(3)}
-        options: list[tuple[int, int, Triangle, Triangle]] = []
-        for i in bad:
-            for k in range(3):
-                a, b, c = tri[i][k], tri[i][(k + 1) % 3], tri[i][(k + 2) % 3]
-                j = owner.get((b, a))
-                if j is None:
-                    continue
-                d = next(x for x in tri[j] if x not in (a, b))
-                if _left(points, a, d, c) and _left(points, d, b, c):
-                    options.append((i, j, (a, d, c), (d, b, c)))
-        if not options:
-            break
-        new = _shape([t for o in options for t in o[2:]], side).reshape(-1, 2)
-        gain = new.min(axis=1) - np.array([min(q[i], q[j]) for i, j, *_ in options])
-        touched: set[int] = set()
-        for k in np.argsort(-gain).tolist():
-            i, j, s, t = options[k]
-            if gain[k] <= 0.01 or i in touched or j in touched:
-                continue
-            touched |= {i, j}
-            tri[i], tri[j] = s, t
-            q[i], q[j] = new[k]
-        if not touched:
-            break
-    return tri, q
-
-
-def _left(points: FloatArray, a: int, b: int, c: int) -> bool:
-    p, q, r = points[a], points[b], points[c]
-    cross = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-    return bool(cross > 1e-9 * (np.abs(q - p).sum() * np.abs(r - p).sum()))
-
-
-def _match(pairs: list[tuple[int, int]], q: FloatArray, alone: FloatArray) -> list[int]:
-    """Greedy matching of triangles, those with the fewest partners first, best shape first.
-
-    Triangles that make bad cells ``alone`` choose before all others.
-    """
-    count = len(alone)
-    options: list[list[int]] = [[] for _ in range(count)]
-    for k, (i, j) in enumerate(pairs):
-        if q[k] > (PAIRED if min(alone[i], alone[j]) > THIN else THIN):
-            options[i].append(k)
-            options[j].append(k)
-    free = [True] * count
-    degree = [len(o) for o in options]
-    chosen = []
-    heap = [(alone[i] > THIN, d, i) for i, d in enumerate(degree) if d]
-    heapq.heapify(heap)
-    while heap:
-        first, d, i = heapq.heappop(heap)
-        if not free[i] or d != degree[i]:
-            continue
-        live = [k for k in options[i] if free[pairs[k][0]] and free[pairs[k][1]]]
-        if not live:
-            continue
-        partner = {k: pairs[k][1] if pairs[k][0] == i else pairs[k][0] for k in live}
-        best = min(live, key=lambda k: (degree[partner[k]] > 1, -q[k]))
-        chosen.append(best)
-        for t in pairs[best]:
-            free[t] = False
-            for k in options[t]:
-                for other in pairs[k]:
-                    if free[other]:
-                        degree[other] -= 1
-                        heapq.heappush(heap, (alone[other] > THIN, degree[other], other))
-    return chosen

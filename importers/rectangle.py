@@ -10,12 +10,12 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from . import nurbs
-from .arcs import Arc, Chord, EdgeArc, arc_weights
+from .arcs import Arc, Chord, EdgeArc, arc_weights, joined
 from .cells import Cell
 from .chains import QUARTER, Conic, split_by_turning
 from .curves import BSpline, Curve
 from .domain import Domain
-from .lift import spline_nets
+from .exact_nets import spline_nets
 from .surfaces import Extrusion, Offset, Revolution, SplineSurface, Surface
 from .triangulate import signed_area
 
@@ -89,7 +89,12 @@ def rectangle(domain: Domain, margin: float, *, lost: float = 1.0) -> Rectangle 
             return None
     u0, v0 = low / domain.scale
     u1, v1 = high / domain.scale
-    return Rectangle((float(u0), float(u1), float(v0), float(v1)), sides)  # type: ignore[arg-type]
+    for k in range(4):
+        # The loop may start in the middle of a side.
+        sign = 1.0 if k < 2 else -1.0
+        sides[k].sort(key=lambda arc: sign * float(arc.start[k % 2]))
+    joints = tuple(joined(side) for side in sides)
+    return Rectangle((float(u0), float(u1), float(v0), float(v1)), joints)  # type: ignore[arg-type]
 
 
 Span = tuple[float, float, float, FloatArray | None]
@@ -140,11 +145,6 @@ def _local(knots: FloatArray, period: float | None, a: float, b: float) -> tuple
     return int(piece[0]), float(local[0]) - half, float(local[0]) + half
 
 
-def _every(knots: FloatArray, period: float | None, a: float, b: float) -> list[Span]:
-    cuts = nurbs.knots_between(knots, period, a, b).tolist()
-    return [(p, q, 0.0, None) for p, q in zip(cuts[:-1], cuts[1:], strict=True)]
-
-
 def _spline(s: SplineSurface, k: int, a: float, b: float) -> list[Span]:
     knots = (s.u_knots, s.v_knots)[k]
     degree, period = s.degrees[k], s.periods[k]
@@ -185,18 +185,9 @@ def _divided(surface: Surface, r: Rectangle, k: int) -> list[Span]:
     return [span for a, b in itertools.pairwise(cuts) for span in spans(surface, k, a, b)]
 
 
-def grid_cells(
-    surface: Surface, r: Rectangle, scale: FloatArray, *, at_knots: bool = False
-) -> list[Cell]:
-    """Cells of the rectangle along parameter lines, with the weights of circular arcs.
-
-    ``at_knots`` cuts at every knot of a spline and not only where it may have a kink.
-    """
+def grid_cells(surface: Surface, r: Rectangle, scale: FloatArray) -> list[Cell]:
+    """Cells of the rectangle along parameter lines, with the weights of circular arcs."""
     us, vs = _divided(surface, r, 0), _divided(surface, r, 1)
-    base = surface.base if isinstance(surface, Offset) else surface
-    if at_knots and isinstance(base, SplineSurface):
-        us = [s for a, b, *_ in us for s in _every(base.u_knots, base.periods[0], a, b)]
-        vs = [s for a, b, *_ in vs for s in _every(base.v_knots, base.periods[1], a, b)]
     cells = []
     for i, (a, b, hu, wu) in enumerate(us):
         for j, (c, d, hv, wv) in enumerate(vs):

@@ -11,27 +11,33 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from patchlight.solver.model.arrays import FloatArray, IntArray
 from patchlight.solver.model.bezier import bernstein, split_matrix
 
-from .arcs import Arc, Chord, EdgeArc
+from . import nurbs
+from .arcs import Arc, EdgeArc
 from .cells import Cell
-from .surfaces import Surface
+from .curves import BSpline
+from .surfaces import knot_lines
+from .together import CurveBatch, SurfaceBatch, rows_of
 
-BoolArray = NDArray[np.bool_]
 #: Where the distance between a side and its edge in space is measured.
 GAP_AT = np.linspace(0.0, 1.0, 9)
 #: Share of a box that is not worth a patch of its own.
 SLIVER = 1e-4
 THIRDS = np.arange(4) / 3.0
+ONCE = np.array([1])
+#: What follows the start of a line of no length: step, half angle and the fraction s / 1.
+NOWHERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
 
 
 class Sides:
-    """The sides of some cells.
+    """The sides of the cells of some faces.
 
     Attributes
     ----------
+    face : (n,) array
+        Number of the face of each cell.
     nets : (n, 4, 4, 4) array
         Rational cubics of the sides that lie on an edge in space; zeros elsewhere.
     on_edge : (n, 4) bool array
@@ -45,18 +51,24 @@ class Sides:
         Weights of the patch of each whole cell.
     """
 
-    def __init__(self, cells: list[Cell]) -> None:
+    def __init__(self, cells: list[Cell], face: IntArray, surfaces: SurfaceBatch) -> None:
         n = len(cells)
+        self.face, self.surfaces = face, surfaces
         self.arcs: list[list[Arc | None]] = []
         self.nets = np.zeros((n, 4, 4, 4))
         self.on_edge = np.zeros((n, 4), dtype=bool)
         self.collapsed = np.zeros((n, 4), dtype=bool)
         self.names = np.array([c.edges for c in cells])
         self.parts: dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] = {}
-        self._straight = np.zeros((n, 4, 5))  # p, q − p and half angle of chords
-        self._curved: list[tuple[int, int, Arc]] = []
+        straight: list[tuple[float, ...]] = []
+        curved: list[Arc] = []
+        #: Number of the curve of each side that is not straight, else -1.
+        self._curve = np.full((n, 4), -1, dtype=np.int64)
         #: Shifts of the corners, from `measure_gaps`.
         self.corners = np.zeros((n, 4, 3))
+        #: How far normals of cells lean over because they move [rad], from `measure_gaps`; 0 where
+        #: nobody would notice.
+        self.leans = np.zeros(n)
         side_weights = np.ones((n, 4, 4))
         for c, cell in enumerate(cells):
             # +s or +t: sides 2 and 3 of a cell run the other way.
@@ -65,6 +77,11 @@ class Sides:
             for k, arc in enumerate(row):
                 if arc is None:
                     self.collapsed[c, k] = True
+                    other = row[(k + 2) % 4]
+                    # A collapsed side blends with the weights of the side opposite to it.
+                    if other is not None:
+                        side_weights[c, k] = other.weights
+                    straight.append((*_corner(row, k).tolist(), *NOWHERE))
                     continue
                 side_weights[c, k] = arc.weights
                 if arc.net is not None:
@@ -73,35 +90,62 @@ class Sides:
                     a, b, nets = zip(*arc.parts, strict=True)
                     self.parts[c, k] = np.array(a), np.array(b), np.array(nets)
                     self.on_edge[c, k] = True
-                if isinstance(arc, Chord):
-                    self._straight[c, k] = (*arc.p, *(arc.q - arc.p), arc.half)
-                else:
-                    self._curved.append((c, k, arc))
-            for k, arc in enumerate(row):
-                if arc is None:
-                    point = _corner(row, k)
-                    self._straight[c, k, :2] = point
-                    other = row[(k + 2) % 4]
-                    # A collapsed side blends with the weights of the side opposite to it.
-                    if other is not None:
-                        side_weights[c, k] = other.weights
+                line = arc.line()
+                if line is None:
+                    self._curve[c, k] = len(curved)
+                    curved.append(arc)
+                    line = (0.0, 0.0, *NOWHERE)
+                straight.append(line)
+        #: Start, step, half angle and linear fraction of straight sides.
+        self._straight = np.array(straight).reshape(n, 4, 9)
+        self._curves = _Curves(curved)
+        self._in_parts = [
+            np.array(sorted(c for c, side in self.parts if side == k), dtype=np.int64)
+            for k in range(4)
+        ]
         self.weights = _blended(side_weights)
+        self._knots = self._knot_shares()
+
+    def _knot_shares(self) -> tuple[list[tuple[int, FloatArray]], list[tuple[int, FloatArray]]]:
+        """Cells bounded by parameter lines with the s, and those with the t, of knots inside."""
+        p, step, half, m = np.split(self._straight, (2, 4, 5), axis=2)
+        a = p + m[..., 1:2] * step
+        b = a + m[..., :1] * step
+        linear = ((half == 0.0) & (m[..., 2:3] == 0.0) & (m[..., 3:] == 1.0)).all(axis=(1, 2))
+        linear &= (self._curve < 0).all(axis=1)
+        out: tuple[list[tuple[int, FloatArray]], list[tuple[int, FloatArray]]] = ([], [])
+        for c in np.flatnonzero(linear & ~self.collapsed.any(axis=1)).tolist():
+            low, high = a[c, 0], b[c, 2]
+            corners = np.array([a[c, 1], b[c, 3]])
+            if (
+                np.abs(corners - [[high[0], low[1]], [low[0], high[1]]]).max()
+                > 1e-9 * np.abs(high - low).max()
+            ):
+                continue
+            knots = knot_lines(self.surfaces.surfaces[self.face[c]], low, high)
+            for k, line in enumerate(knots):
+                if line is not None and len(line) > 2:
+                    out[k].append((c, (line[1:-1] - low[k]) / (high[k] - low[k])))
+        return out
+
+    def middles(self, cell: IntArray, box: FloatArray) -> FloatArray:
+        """Where in s and in t (n, 2) to halve boxes (n, 4): at a knot line, if any is inside."""
+        out = 0.5 * (box[:, ::2] + box[:, 1::2])
+        for k, cells in enumerate(self._knots):
+            for i, rows in rows_of(cell, np.array([c for c, _ in cells], dtype=np.int64)):
+                low, high = box[rows, 2 * k], box[rows, 2 * k + 1]
+                out[rows, k] = nurbs.middles(low, high, cells[i][1])
+        return out
 
     def at(self, cell: IntArray, k: int, s: FloatArray) -> FloatArray:
         """(u, v) (m, a, 2) of side ``k`` of each ``cell`` (m,) at ``s`` (m, a)."""
-        data = self._straight[cell, k]
-        half = data[:, 4:]
-        f = s
-        if half.any():
-            round_ = half > 1e-9
-            h = np.where(round_, half, 1.0)
-            f = np.where(round_, 0.5 + np.arctan((2.0 * s - 1.0) * np.tan(0.5 * h)) / h, s)
-        out = data[:, None, :2] + f[..., None] * data[:, None, 2:4]
-        for c, side, arc in self._curved:
-            if side == k:
-                rows = np.flatnonzero(cell == c)
-                if len(rows):
-                    out[rows] = arc.at(s[rows].ravel()).reshape(len(rows), -1, 2)
+        p, step, half, m = np.split(self._straight[cell, k, :, None], (2, 4, 5), axis=1)
+        f = _shares(half[:, 0], m[:, :, 0], s)
+        out = np.asarray((p + f[:, None] * step).swapaxes(1, 2))
+        curve = self._curve[cell, k]
+        some = np.flatnonzero(curve >= 0)
+        if len(some):
+            out[some] = self._curves.at(curve[some], s[some])
         return out
 
     def coons(self, cell: IntArray, s: FloatArray, t: FloatArray) -> FloatArray:
@@ -111,54 +155,69 @@ class Sides:
         d = self.at(cell, 2, np.concatenate([s, ends], axis=1))
         return boolean_sum(c, self.at(cell, 1, t), d, self.at(cell, 3, t), s, t)
 
+    def on_surface(self, k: int, cell: IntArray, s: FloatArray) -> FloatArray:
+        """Points (m, a, 3) of the surface along side ``k`` of cells (m,) at ``s`` (m, a)."""
+        uv = self.at(cell, k, s)
+        return self.surfaces.points(self.face[cell], uv[..., 0], uv[..., 1])
+
     def space(self, k: int, cell: IntArray, s: FloatArray) -> FloatArray:
         """Points (m, a, 3) of side ``k`` of cells (m,) on edges at ``s`` (m, a)."""
         h = bernstein(s) @ self.nets[cell, k]
         out = h[..., :3] / np.where(h[..., 3:] > 0.0, h[..., 3:], 1.0)
-        for c, side in self.parts:
-            rows = np.flatnonzero(cell == c) if side == k else ()
-            if len(rows):
-                arc = self.arcs[c][k]
-                assert isinstance(arc, EdgeArc)
-                out[rows] = arc.space(s[rows].ravel()).reshape(len(rows), -1, 3)
+        for i, rows in rows_of(cell, self._in_parts[k]):
+            arc = self.arcs[int(self._in_parts[k][i])][k]
+            assert isinstance(arc, EdgeArc)
+            out[rows] = arc.space(s[rows].ravel()).reshape(len(rows), -1, 3)
         return np.asarray(out)
 
-    def measure_gaps(self, surface: Surface, limit: float) -> tuple[FloatArray, bool]:
-        """Gaps (n, 4) between the sides and their edges, and whether the surface must move.
+    def measure_gaps(self, limit: FloatArray, lean: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Gaps (n, 4) between the sides and their edges, and how far (n,) cells move for them.
 
-        Sides further than ``limit`` from their edge are left where they are.
+        Sides further than the ``limit`` (n,) from their edge are left where they are. ``lean`` (n,)
+        is the angle [rad] that normals may lean over where a cell moves.
         """
         every = np.arange(len(self.names))
         at = np.broadcast_to(GAP_AT, (len(every), len(GAP_AT)))
         shift = np.zeros((len(every), 4, len(GAP_AT), 3))
         for k in range(4):
-            uv = self.at(every, k, at)
-            shift[:, k] = self.space(k, every, at) - surface.points(uv[..., 0], uv[..., 1])
-        gap = np.where(self.on_edge, np.linalg.norm(shift, axis=-1).max(axis=-1), 0.0)
-        self.on_edge &= gap <= limit
+            some = np.flatnonzero(self.on_edge[:, k])
+            there = at[: len(some)]
+            shift[some, k] = self.space(k, some, there) - self.on_surface(k, some, there)
+        gap = np.linalg.norm(shift, axis=-1).max(axis=-1)
+        self.on_edge &= gap <= limit[:, None]
         shift[~self.on_edge] = 0.0
         # Corners (s, t) = (0, 0), (1, 0), (1, 1), (0, 1) follow an edge that ends there.
         ends = (((0, 0), (3, 0)), ((0, -1), (1, 0)), ((1, -1), (2, -1)), ((2, 0), (3, -1)))
         for corner, ((k, i), (m, j)) in enumerate(ends):
             first = self.on_edge[:, k, None]
             self.corners[:, corner] = np.where(first, shift[:, k, i], shift[:, m, j])
-        return gap, bool(np.abs(shift).max() > 0.0)
+        moves = np.where(self.on_edge, gap, 0.0).max(axis=1)
+        middle = np.full((len(every), 1), 0.5)
+        a, b, c, d = (self.on_surface(k, every, middle)[:, 0] for k in range(4))
+        width = np.minimum(np.linalg.norm(a - c, axis=1), np.linalg.norm(b - d, axis=1))
+        # The slope of (1 − s)³ is 3 at the border.
+        leans = 3.0 * moves / np.maximum(width, 1e-300)
+        self._powers = np.where(leans > 0.5 * lean, 1, 3)
+        leans = leans * self._powers / 3.0
+        self.leans = np.where(leans > 0.1 * lean, leans, 0.0)
+        return gap, moves
 
-    def shifts(self, surface: Surface, cell: IntArray, s: FloatArray, t: FloatArray) -> FloatArray:
+    def shifts(self, cell: IntArray, s: FloatArray, t: FloatArray) -> FloatArray:
         """How far (m, a, b, 3) points of boxes move so that the border meets the edges.
 
-        The cubic blend moves next to nothing but the border.
+        The cubic blend moves next to nothing but the border; the linear one of narrow cells bends
+        least.
         """
         ends = np.broadcast_to(np.array([0.0, 1.0]), (len(cell), 2))
         sides = []
         for k, x in enumerate((np.append(s, ends, axis=1), t, np.append(s, ends, axis=1), t)):
-            uv = self.at(cell, k, x)
-            edge = self.space(k, cell, x) - surface.points(uv[..., 0], uv[..., 1])
+            edge = self.space(k, cell, x) - self.on_surface(k, cell, x)
             first, last = ((0, 1), (1, 2), (3, 2), (0, 3))[k]
             p, q = self.corners[cell, first, None], self.corners[cell, last, None]
             line = p + x[..., None] * (q - p)
             sides.append(np.where(self.on_edge[cell, k, None, None], edge, line))
-        return boolean_sum(sides[0], sides[1], sides[2], sides[3], s, t, power=3)
+        power = self._powers[cell]
+        return boolean_sum(sides[0], sides[1], sides[2], sides[3], s, t, power)
 
     def rows(
         self, cell: IntArray, k: int, a: FloatArray, b: FloatArray, matrices: FloatArray
@@ -169,10 +228,8 @@ class Sides:
         """
         out = matrices @ self.nets[cell, k]
         cut = np.full(len(cell), np.nan)
-        for (c, side), (starts, ends, nets) in self.parts.items():
-            if side != k:
-                continue
-            some = np.flatnonzero(cell == c)
+        for i, some in rows_of(cell, self._in_parts[k]):
+            starts, ends, nets = self.parts[int(self._in_parts[k][i]), k]
             low, high = a[some], b[some]
             part = np.clip(np.searchsorted(starts, low, side="right") - 1, 0, len(starts) - 1)
             # A joint of parts very near to the end of a box would cut off a sliver.
@@ -188,6 +245,57 @@ class Sides:
         return out, cut
 
 
+def _shares(half: FloatArray, m: FloatArray, s: FloatArray) -> FloatArray:
+    """`arcs.fraction` of half angles (n, 1) at the linear fractions ``m`` (n, 4) of s (n, a)."""
+    if (m != NOWHERE[3:]).any():
+        s = (m[:, :1] * s + m[:, 1:2]) / (m[:, 2:3] * s + m[:, 3:])
+    if half.any():
+        round_ = half > 1e-9
+        h = np.where(round_, half, 1.0)
+        s = np.where(round_, 0.5 + np.arctan((2.0 * s - 1.0) * np.tan(0.5 * h)) / h, s)
+    return s
+
+
+class _Curves:
+    """Curved arcs numbered as given; splines of one degree are evaluated in one go."""
+
+    def __init__(self, arcs: list[Arc]) -> None:
+        self._arcs = arcs
+        n = len(arcs)
+        self._course, self._shift = np.zeros((n, 7)), np.zeros((n, 2))
+        #: Degree of splines, else 0, and the place among those.
+        self._degree, self._place = np.zeros((2, n), dtype=np.int64)
+        splines: dict[int, list[BSpline]] = {}
+        for i, arc in enumerate(arcs):
+            course = arc.course() if isinstance(arc, EdgeArc) else None
+            if course is None or not isinstance(arc.side.curve, BSpline):  # type: ignore[attr-defined]
+                continue
+            curve = arc.side.curve  # type: ignore[attr-defined]
+            own = splines.setdefault(curve.degree, [])
+            self._degree[i], self._place[i] = curve.degree, len(own)
+            self._course[i], self._shift[i] = course, arc.side.shift  # type: ignore[attr-defined]
+            own.append(curve)
+        self._splines = {degree: CurveBatch(own) for degree, own in splines.items()}
+
+    def at(self, which: IntArray, s: FloatArray) -> FloatArray:
+        """(u, v) (m, a, 2) of the arcs ``which`` (m,) at ``s`` (m, a)."""
+        out = np.empty((*s.shape, 2))
+        degree = self._degree[which]
+        for d in np.unique(degree).tolist():
+            rows = np.flatnonzero(degree == d)
+            own = which[rows]
+            if d == 0:
+                for k, some in rows_of(own, np.unique(own)):
+                    arc = self._arcs[int(np.unique(own)[k])]
+                    there = rows[some]
+                    out[there] = arc.at(s[there].ravel()).reshape(len(there), -1, 2)
+                continue
+            c = self._course[own]
+            t = c[:, :1] + c[:, 1:2] * _shares(c[:, 2:3], c[:, 3:], s[rows])
+            out[rows] = self._splines[d].evaluate(self._place[own], t) + self._shift[own][:, None]
+        return out
+
+
 def boolean_sum(
     c: FloatArray,
     right: FloatArray,
@@ -195,14 +303,15 @@ def boolean_sum(
     left: FloatArray,
     s: FloatArray,
     t: FloatArray,
-    power: int = 1,
+    power: IntArray = ONCE,
 ) -> FloatArray:
     """Coons' blend (m, a, b, x) of four sides; ``c`` and ``d`` (m, a + 2, x) end with corners.
 
-    Blending functions are (1 − s)^power and s^power.
+    Blending functions are (1 − s)^power and s^power with a ``power`` (m,) or (1,).
     """
-    s0, s1 = ((1 - s) ** power)[:, :, None, None], (s**power)[:, :, None, None]
-    t0, t1 = ((1 - t) ** power)[:, None, :, None], (t**power)[:, None, :, None]
+    n = power[:, None]
+    s0, s1 = ((1 - s) ** n)[:, :, None, None], (s**n)[:, :, None, None]
+    t0, t1 = ((1 - t) ** n)[:, None, :, None], (t**n)[:, None, :, None]
     cc, dd = c[:, None, None, -2:], d[:, None, None, -2:]
     out = t0 * c[:, :-2, None] + t1 * d[:, :-2, None]
     out = out + s0 * left[:, None] + s1 * right[:, None]

@@ -6,6 +6,7 @@ Every surface has ``kind`` (a word of `Face.kind`), ``periods`` (u, v; None when
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray
 
 from . import nurbs
-from .curves import Curve
+from .curves import BSpline, Curve
 
 Frame = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Points = tuple[FloatArray, FloatArray, FloatArray]
@@ -30,6 +31,11 @@ class Surface:
     def evaluate(self, u: FloatArray, v: FloatArray) -> Points:
         raise NotImplementedError
 
+    @property
+    def exact_spline_lines(self) -> bool:
+        """Whether splines that are lines of constant u or v bound exact patches."""
+        return False
+
     def points(self, u: FloatArray, v: FloatArray) -> FloatArray:
         """Points only (..., 3)."""
         return self.evaluate(u, v)[0]
@@ -45,6 +51,7 @@ class Plane(Surface):
 
     frame: Frame
     kind = "plane"
+    exact_spline_lines = True
 
     def evaluate(self, u: FloatArray, v: FloatArray) -> Points:
         o, x, y, _ = self.frame
@@ -73,23 +80,26 @@ class Round(Surface):
     def angular(self) -> tuple[bool, bool]:  # type: ignore[override]
         return (True, self.kind in ("sphere", "torus"))
 
-    def _meridian(self, v: FloatArray) -> tuple[FloatArray, ...]:
-        one = np.ones_like(v)
+    @property
+    def meridian(self) -> tuple[float, float, float, float]:
+        """r, s, c, m of the meridian ρ = r + s v + m cos v, ζ = c v + m sin v."""
         if self.kind == "cylinder":
-            return self.radius * one, v, 0.0 * one, one
+            return self.radius, 0.0, 1.0, 0.0
         if self.kind == "cone":
-            s, c = np.sin(self.angle), np.cos(self.angle)
-            return self.radius + v * s, v * c, s * one, c * one
-        r = self.radius if self.kind == "sphere" else self.minor
-        major = 0.0 if self.kind == "sphere" else self.radius
-        return major + r * np.cos(v), r * np.sin(v), -r * np.sin(v), r * np.cos(v)
+            return self.radius, math.sin(self.angle), math.cos(self.angle), 0.0
+        if self.kind == "sphere":
+            return 0.0, 0.0, 0.0, self.radius
+        return self.radius, 0.0, 0.0, self.minor
 
     def evaluate(self, u: FloatArray, v: FloatArray) -> Points:
         o, x, y, z = self.frame
-        rho, zeta, rho_v, zeta_v = (a[..., None] for a in self._meridian(v))
+        r, along, up, m = self.meridian
+        cv, sv = m * np.cos(v), m * np.sin(v)
         c, s = np.cos(u)[..., None], np.sin(u)[..., None]
+        rho, zeta = (r + along * v + cv)[..., None], (up * v + sv)[..., None]
         radial, around = c * x + s * y, c * y - s * x
-        return o + rho * radial + zeta * z, rho * around, rho_v * radial + zeta_v * z
+        turned = (along - sv)[..., None] * radial + (up + cv)[..., None] * z
+        return o + rho * radial + zeta * z, rho * around, turned
 
     def jacobian_variable(self) -> str:
         return "" if self.kind == "cylinder" else "v"
@@ -111,26 +121,32 @@ class SplineSurface(Surface):
     def degrees(self) -> tuple[int, int]:
         return self.pieces.shape[2] - 1, self.pieces.shape[3] - 1
 
+    @property
+    def exact_spline_lines(self) -> bool:
+        return max(self.degrees) <= 3
+
     def evaluate(self, u: FloatArray, v: FloatArray) -> Points:
+        p, pu, pv = self._derivatives(u, v, nurbs.FIRST)
+        return p, pu, pv
+
+    def points(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        return self._derivatives(u, v, nurbs.POINT)[0]
+
+    def second(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, ...]:
+        """P, P_u, P_v, P_uu, P_uv and P_vv, each (..., 3)."""
+        return self._derivatives(u, v, nurbs.SECOND)
+
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> tuple[FloatArray, ...]:
         shape = np.broadcast_shapes(np.shape(u), np.shape(v))
         u, v = np.broadcast_to(u, shape).ravel(), np.broadcast_to(v, shape).ravel()
         u = nurbs.wrap(u, float(self.u_knots[0]), self.periods[0])
         v = nurbs.wrap(v, float(self.v_knots[0]), self.periods[1])
         i, s, ds = nurbs.locate(self.u_knots, u)
         j, t, dt = nurbs.locate(self.v_knots, v)
-        pu, pv = self.degrees
-        bu, bv = nurbs.bernstein_basis(pu, s), nurbs.bernstein_basis(pv, t)
-        net = self.pieces[i, j]
-        along_v = np.einsum("nb,nabk->nak", bv, net)
-        h = np.einsum("na,nak->nk", bu, along_v)
-        hu = np.einsum("na,nak->nk", nurbs.bernstein_slope(pu, s), along_v) / ds[:, None]
-        dv = np.einsum("nb,nabk->nak", nurbs.bernstein_slope(pv, t), net)
-        hv = np.einsum("na,nak->nk", bu, dv) / dt[:, None]
-        w = h[:, 3:]
-        p = h[:, :3] / w
-        pu_ = (hu[:, :3] - hu[:, 3:] * p) / w
-        pv_ = (hv[:, :3] - hv[:, 3:] * p) / w
-        return p.reshape(*shape, 3), pu_.reshape(*shape, 3), pv_.reshape(*shape, 3)
+        found = nurbs.patch_derivatives(self.pieces[i, j], s, ds, t, dt, orders)
+        return tuple(x.reshape(*shape, 3) for x in found)
 
 
 @dataclass(slots=True)
@@ -143,6 +159,10 @@ class Revolution(Surface):
     kind = "revolution"
     periods = (TURN, None)
     angular = (True, False)
+
+    @property
+    def exact_spline_lines(self) -> bool:
+        return isinstance(self.profile, BSpline) and self.profile.degree <= 3
 
     def evaluate(self, u: FloatArray, v: FloatArray) -> Points:
         shape = np.broadcast_shapes(np.shape(u), np.shape(v))
@@ -170,6 +190,10 @@ class Extrusion(Surface):
     direction: FloatArray
     kind = "extrusion"
     periods: tuple[float | None, float | None] = (None, None)
+
+    @property
+    def exact_spline_lines(self) -> bool:
+        return isinstance(self.profile, BSpline) and self.profile.degree <= 3
 
     @property
     def angular(self) -> tuple[bool, bool]:  # type: ignore[override]
@@ -217,9 +241,18 @@ class Offset(Surface):
             length = np.linalg.norm(n, axis=-1, keepdims=True)
         return p, n / np.where(length > 0.0, length, 1.0)
 
+    def points(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        shape = np.broadcast_shapes(np.shape(u), np.shape(v))
+        p, n = self._normal(np.broadcast_to(u, shape), np.broadcast_to(v, shape))
+        return np.asarray(p + self.distance * n)
+
     def evaluate(self, u: FloatArray, v: FloatArray) -> Points:
         shape = np.broadcast_shapes(np.shape(u), np.shape(v))
         u, v = np.broadcast_to(u, shape), np.broadcast_to(v, shape)
+        if isinstance(self.base, SplineSurface):
+            found = self._exact(*self.base.second(u, v))
+            if found is not None:
+                return found
         u0, u1, v0, v1 = self.box
         p, n = self._normal(u, v)
         _, pu, pv = self.base.evaluate(u, v)
@@ -232,6 +265,24 @@ class Offset(Surface):
             step.append((8.0 * near - far) / (12.0 * h))
         d = self.distance
         return p + d * n, pu + d * step[0], pv + d * step[1]
+
+    def _exact(
+        self, p: FloatArray, pu: FloatArray, pv: FloatArray, *second: FloatArray
+    ) -> Points | None:
+        """The offset from the derivatives of its base; None where that has no normal."""
+        puu, puv, pvv = second
+        n = np.cross(pu, pv)
+        length = np.linalg.norm(n, axis=-1, keepdims=True)
+        scale = np.linalg.norm(pu, axis=-1).max() * np.linalg.norm(pv, axis=-1).max()
+        if length.min() <= 1e-6 * scale:
+            return None
+        n = n / length
+        out = [p + self.distance * n]
+        for first, a, b in ((pu, puu, puv), (pv, puv, pvv)):
+            turned = (np.cross(a, pv) + np.cross(pu, b)) / length
+            along = np.einsum("...k,...k->...", turned, n)[..., None]
+            out.append(first + self.distance * (turned - along * n))
+        return out[0], out[1], out[2]
 
 
 @dataclass(slots=True)
@@ -250,3 +301,21 @@ class PointSurface(Surface):
         )
         rows = np.array([self.point(a, b) for a, b in pairs]).reshape(*shape, 3, 3)
         return rows[..., 0, :], rows[..., 1, :], rows[..., 2, :]
+
+
+def knot_lines(
+    surface: Surface, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Knots in u and in v between two corners (2,), these included; None where there are none."""
+    base = surface.base if isinstance(surface, Offset) else surface
+    (u0, v0), (u1, v1) = low.tolist(), high.tolist()
+    if isinstance(base, Revolution):
+        return None, base.profile.breaks(v0, v1)
+    if isinstance(base, Extrusion):
+        return base.profile.breaks(u0, u1), None
+    if not isinstance(base, SplineSurface):
+        return None, None
+    return (
+        nurbs.knots_between(base.u_knots, base.periods[0], u0, u1),
+        nurbs.knots_between(base.v_knots, base.periods[1], v0, v1),
+    )

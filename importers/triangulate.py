@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
+
+#: Angles by which points are turned before ear clipping, in this order [rad].
+TURNS = (0.5, 1.7, 2.9)
 
 
 def signed_area(points: FloatArray) -> float:
@@ -12,37 +17,52 @@ def signed_area(points: FloatArray) -> float:
     return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
+def overlapping(
+    low: FloatArray, high: FloatArray, other_low: FloatArray, other_high: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Pairs (i, j) of boxes (n, 2) and other boxes (m, 2) that overlap, by a sweep along x.
+
+    Boxes whose left end lies in the width of the other one are found by bisection, in both senses.
+    """
+    pairs = []
+    for swap in (False, True):
+        a_low, a_high, b_low = (other_low, other_high, low) if swap else (low, high, other_low)
+        order = np.argsort(b_low[:, 0], kind="stable")
+        left = b_low[order, 0]
+        first = np.searchsorted(left, a_low[:, 0], side="right" if swap else "left")
+        count = np.maximum(np.searchsorted(left, a_high[:, 0], side="right") - first, 0)
+        i = np.repeat(np.arange(len(a_low)), count)
+        start = np.cumsum(count) - count
+        j = order[np.arange(len(i)) - np.repeat(start - first, count)]
+        pairs.append((j, i) if swap else (i, j))
+    i, j = (np.concatenate(k) for k in zip(*pairs, strict=True))
+    keep = (low[i, 1] <= other_high[j, 1]) & (other_low[j, 1] <= high[i, 1])
+    return i[keep], j[keep]
+
+
 def crossings(p: FloatArray, q: FloatArray) -> FloatArray:
     """Mask (n,) of segments p[i]–q[i] that properly cross another one of them."""
-    n = len(p)
-    hit = np.zeros(n, dtype=bool)
+    hit = np.zeros(len(p), dtype=bool)
     low, high = np.minimum(p, q), np.maximum(p, q)
     d = q - p
-    block = max(1, 400_000 // max(n, 1))
-    for a in range(0, n, block):
-        b = min(n, a + block)
-        near = (low[a:b, None] <= high[None]).all(-1) & (high[a:b, None] >= low[None]).all(-1)
-        i, j = np.nonzero(near)
-        i = i + a
-        keep = i < j
-        i, j = i[keep], j[keep]
-        if not len(i):
-            continue
+    i, j = overlapping(low, high, low, high)
+    keep = i < j
+    i, j = i[keep], j[keep]
 
-        def side(k: IntArray, point: FloatArray) -> FloatArray:
-            e = point - p[k]
-            return np.asarray(d[k, 0] * e[:, 1] - d[k, 1] * e[:, 0])
+    def side(k: IntArray, point: FloatArray) -> FloatArray:
+        e = point - p[k]
+        return np.asarray(d[k, 0] * e[:, 1] - d[k, 1] * e[:, 0])
 
-        scale = 1e-12 * (np.abs(d[i]).sum(1) + np.abs(d[j]).sum(1)) ** 2
-        s1, s2, s3, s4 = side(i, p[j]), side(i, q[j]), side(j, p[i]), side(j, q[i])
-        cross = (
-            (np.minimum(s1, s2) < -scale)
-            & (np.maximum(s1, s2) > scale)
-            & (np.minimum(s3, s4) < -scale)
-            & (np.maximum(s3, s4) > scale)
-        )
-        hit[i[cross]] = True
-        hit[j[cross]] = True
+    scale = 1e-12 * (np.abs(d[i]).sum(1) + np.abs(d[j]).sum(1)) ** 2
+    s1, s2, s3, s4 = side(i, p[j]), side(i, q[j]), side(j, p[i]), side(j, q[i])
+    cross = (
+        (np.minimum(s1, s2) < -scale)
+        & (np.maximum(s1, s2) > scale)
+        & (np.minimum(s3, s4) < -scale)
+        & (np.maximum(s3, s4) > scale)
+    )
+    hit[i[cross]] = True
+    hit[j[cross]] = True
     return hit
 
 
@@ -71,11 +91,18 @@ def triangulate(loops: list[FloatArray]) -> list[tuple[int, int, int]] | None:
     k = np.arange(len(points))
     size = float(np.ptp(points, axis=0).max())
     nudge = np.stack([np.modf(0.6180339887 * k)[0], np.modf(0.7548776662 * k)[0]], axis=1) - 0.5
-    flat = mapbox_earcut.triangulate_float64(points + 1e-7 * size * nudge, ends)
-    index = np.asarray(flat, dtype=np.int64).reshape(-1, 3)
-    if len(index) != len(points) - 2 + 2 * (len(loops) - 1):
+    nudged = points + 1e-7 * size * nudge
+    # Holes are joined along lines of sight to the left, which rows of equal holes share: points
+    # are turned, and turned again when vertices were lost.
+    for turn in TURNS:
+        c, s = math.cos(turn), math.sin(turn)
+        flat = mapbox_earcut.triangulate_float64(nudged @ np.array([[c, s], [-s, c]]), ends)
+        index = np.asarray(flat, dtype=np.int64).reshape(-1, 3)
+        if len(index) == len(points) - 2 + 2 * (len(loops) - 1):
+            break
+    else:
         return None
-    turned = areas(points + 1e-7 * size * nudge, index) < 0
+    turned = areas(nudged, index) < 0
     index[turned] = index[turned][:, ::-1]
     out = flipped(points, [(a, b, c) for a, b, c in index.tolist()], loops)
     area = areas(points, np.array(out))

@@ -41,15 +41,23 @@ def split_matrix(a: ArrayLike, b: ArrayLike) -> FloatArray:
     Row k is the blossom at (a, .., b, ..) with k arguments equal to b [1, sec. 5.3]; always from
     the original interval, so that repeated halving does not drift.
     """
-    low, high = (np.asarray(t, dtype=np.float64)[..., None, None] for t in (a, b))
-    rows = []
-    for k in range(4):
-        # De Casteljau with a different argument in every round is the blossom.
-        weights = np.eye(4)
-        for t in [high] * k + [low] * (3 - k):
-            weights = (1.0 - t) * weights[..., :-1, :] + t * weights[..., 1:, :]
-        rows.append(weights[..., 0, :])
-    return np.stack(rows, axis=-2)
+    low, high = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    # The blossom at t1, t2, t3 has the coefficients of ∏ ((1 − ti) + ti z).
+    p, q = 1.0 - low, 1.0 - high
+    pp, pq, qq = p * p, p * q, q * q
+    ll, lh, hh = low * low, low * high, high * high
+    out = np.empty((*low.shape, 4, 4))
+    for k, row in enumerate(
+        (
+            (pp * p, 3.0 * pp * low, 3.0 * p * ll, ll * low),
+            (pp * q, pp * high + 2.0 * pq * low, 2.0 * p * lh + ll * q, ll * high),
+            (p * qq, 2.0 * pq * high + qq * low, p * hh + 2.0 * q * lh, low * hh),
+            (qq * q, 3.0 * qq * high, 3.0 * q * hh, hh * high),
+        )
+    ):
+        for j, value in enumerate(row):
+            out[..., k, j] = value
+    return out
 
 
 def sub_net(net: FloatArray, u0: float, u1: float, v0: float, v1: float) -> FloatArray:

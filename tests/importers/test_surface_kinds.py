@@ -7,7 +7,12 @@ import math
 import cadquery as cq
 import numpy as np
 import pytest
-from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeEdge,
+    BRepBuilderAPI_MakeFace,
+    BRepBuilderAPI_MakeWire,
+)
+from OCP.BRepLib import BRepLib
 from OCP.Geom import (
     Geom_BezierSurface,
     Geom_BSplineCurve,
@@ -18,8 +23,9 @@ from OCP.Geom import (
     Geom_SurfaceOfLinearExtrusion,
     Geom_SurfaceOfRevolution,
 )
+from OCP.Geom2d import Geom2d_Ellipse
 from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
-from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt
+from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax2d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d, gp_Vec
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
 from patchlight.importers import from_cadquery
@@ -180,3 +186,30 @@ def test_surface(name, trimmed):
         assert row.deviation_m <= 1e-7 * size
         # Next to a trim the surface is bent a little to meet the edge of the file.
         assert row.angle_deg <= 1.2
+
+
+def test_a_trim_across_the_seam_of_a_periodic_spline():
+    """An ellipse in (u, v) around a point of the seam; its area by quadrature in polar form."""
+    surface = tube()
+    middle, major, minor = gp_Pnt2d(0.0, 0.5), 0.8, 0.3
+    ellipse = Geom2d_Ellipse(gp_Ax2d(middle, gp_Dir2d(1, 0)), major, minor)
+    edge = BRepBuilderAPI_MakeEdge(ellipse, surface).Edge()
+    wire = BRepBuilderAPI_MakeWire(edge).Wire()
+    BRepLib.BuildCurves3d_s(wire)
+    face = cq.Face(BRepBuilderAPI_MakeFace(surface, wire).Face())
+    model = from_cadquery(face)
+    (row,) = model.faces
+    assert row.kind == "bspline" and not row.failed and row.area_error < 1e-4
+    size = diagonal(face.wrapped)
+    assert row.deviation_m <= 1e-7 * size and row.angle_deg <= 1.2
+    assert worst_distance(model, surface) < 1.1e-4 * size
+    # The surface is C2 in u across the knots -1, 0 and 1: Gauss' rule between them is not exact.
+    x, w = np.polynomial.legendre.leggauss(40)
+    area = 0.0
+    p, a, b = gp_Pnt(), gp_Vec(), gp_Vec()
+    for radius, wr in zip(0.5 * (x + 1.0), 0.5 * w, strict=True):
+        for angle, wa in zip(math.pi * (x + 1.0), math.pi * w, strict=True):
+            u, v = major * radius * math.cos(angle), 0.5 + minor * radius * math.sin(angle)
+            surface.D1(u % 6.0, v, p, a, b)
+            area += wr * wa * radius * major * minor * a.Crossed(b).Magnitude()
+    assert model.patches.areas().sum() * 1e6 == pytest.approx(area, rel=1e-4)
