@@ -189,7 +189,7 @@ def assemble(
     Raises
     ------
     GeometryError
-        If there is no face, or no face could be converted.
+        If there is no face, no face could be converted, or a part is placed nowhere.
     """
     keys = TopTools_IndexedMapOfShape()
     done: dict[int, tuple[Converted, int]] = {}
@@ -208,6 +208,8 @@ def assemble(
             notes += [f"{body.path}: {note}" for note in found.notes]
         found, first = done[key]
         placement = body.placement.copy()
+        if not np.isfinite(placement).all():
+            raise GeometryError(f"{body.path}: its placement holds a number that is not finite")
         placement[:3, 3] *= metres
         linear = np.linalg.svd(placement[:3, :3], compute_uv=False)
         inner = _inner_looks(body, found.shapes)
