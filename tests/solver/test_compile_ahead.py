@@ -61,6 +61,8 @@ START = """
 import os, signal, subprocess, sys, time
 from pathlib import Path
 from patchlight.solver import compile_ahead
+# Ignored where the tests themselves run in the background of a shell.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 started, popen = [], subprocess.Popen
 compile_ahead.subprocess.Popen = lambda *a, **k: started.append(popen(*a, **k)) or started[-1]
 folder, warm = compile_ahead.compile_ahead()
