@@ -252,7 +252,9 @@ def assemble(
             f"{sum(found.seconds for found in cached):.3g} s to convert at first"
         )
     patches = PatchSet.concatenated(*sets)
-    warnings = size_warnings(name, parts, patches) + _failures(parts, faces)
+    warnings = size_warnings(name, parts, patches, from_file=source != "cadquery") + _failures(
+        parts, faces
+    )
     certificate = Certificate(
         tuple(faces), tuple(p.path for p in parts),
         time.perf_counter() - started - area_seconds, tuple(notes), read - started, area_seconds,

@@ -54,7 +54,10 @@ def limit_memory(size: int) -> None:
     except ImportError:  # Windows
         return
     # Data, not address space: libraries reserve far more of the latter than they use.
-    resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
+    if most != resource.RLIM_INFINITY:
+        size = min(size, most)
+    resource.setrlimit(resource.RLIMIT_DATA, (size, most))
 
 
 def main(argv: list[str]) -> int:

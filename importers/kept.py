@@ -12,6 +12,8 @@ import functools
 import hashlib
 import json
 import os
+import re
+import time
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,10 @@ from .stored import DAMAGED, Contents
 LIMIT = 1_000_000_000
 #: Names the folder instead of the user's cache folder.
 VARIABLE = "PATCHLIGHT_CACHE_DIR"
+#: Names of entries, and of what is being written or was left when a process was killed.
+_OWN = re.compile(r"[0-9a-f]{64}(\.npz|.*\.part)")
+#: Writing an entry takes less. [s]
+_WRITING_S = 3600.0
 
 
 def folder() -> Path:
@@ -60,10 +66,10 @@ def key(content: bytes, options: dict[str, Any]) -> str:
 def get(name: str) -> Contents | None:
     """The entry of a key; None where there is none, or none that can be read."""
     path = folder() / f"{name}.npz"
-    if not path.is_file():
-        return None
     try:
         found = stored.read(path)
+    except (FileNotFoundError, PermissionError, MemoryError):
+        return None  # out of reach now, which says nothing of the entry
     except DAMAGED:
         drop(name)
         return None
@@ -105,8 +111,12 @@ def drop(name: str) -> None:
 def _prune(home: Path) -> None:
     entries = []
     for path in home.iterdir():
+        if not _OWN.fullmatch(path.name):
+            continue  # the folder may be one that the user named, with files of his own
         with contextlib.suppress(OSError):  # another process may drop it meanwhile
             status = path.stat()
+            if path.suffix == ".part" and time.time() - status.st_mtime < _WRITING_S:
+                continue
             entries.append((status.st_mtime, status.st_size, path))
     total = sum(size for _, size, _ in entries)
     for _, size, path in sorted(entries):

@@ -18,10 +18,10 @@ SIZES = (
     (("room", "raum", "zimmer", "hall", "office", "building", "house", "storey"), 0.8, 1000.0),
     (("floor", "ceiling", "roof", "wall", "slab"), 0.2, 1000.0),
     (("window", "fenster", "door", "facade"), 0.2, 100.0),
-    (("chair", "stool", "desk", "table", "sofa", "couch", "cupboard", "wardrobe", "shelf", "bed",
-      "bench"), 0.2, 20.0),
+    (("chair", "stool", "desk", "sofa", "couch", "cupboard", "wardrobe", "shelf", "bench"),
+     0.2, 20.0),
     (("lamp", "luminaire", "leuchte", "downlight"), 0.01, 20.0),
-    (("bottle", "can", "cup", "mug", "bulb"), 0.01, 3.0),
+    (("bottle", "mug", "bulb"), 0.01, 3.0),
 )  # fmt: skip
 #: Units that files get wrong: what a length of theirs becomes when read as stated, and their names.
 MISTAKES = (
@@ -37,7 +37,9 @@ MISTAKES = (
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
-def size_warnings(name: str, parts: list[Part], patches: PatchSet) -> list[str]:
+def size_warnings(
+    name: str, parts: list[Part], patches: PatchSet, *, from_file: bool = True
+) -> list[str]:
     """What is said of a model whose size, or that of its parts, is not to be believed.
 
     Parameters
@@ -48,12 +50,15 @@ def size_warnings(name: str, parts: list[Part], patches: PatchSet) -> list[str]:
         Rows that ``patches.part_index`` counts.
     patches : PatchSet
         Of all parts. [m]
+    from_file : bool
+        Whether ``scale`` can be set besides ``unit``, which only readers of files let.
     """
+    setting = "option unit or scale" if from_file else "option unit"
     low, high = patches.bounds()
     size = float((high - low).max())
     if not SMALLEST <= size <= LARGEST:
-        return [f"the model is {size:.4g} m long: check its length unit (option unit or scale)"]
-    if said := _said(f"model {name}", name, size):
+        return [f"the model is {size:.4g} m long: check its length unit ({setting})"]
+    if said := _said(f"model {name}", name, size, setting):
         return [said]
     out: dict[str, str] = {}
     corners = patches.control_points[..., :3] / patches.control_points[..., 3:]
@@ -63,12 +68,12 @@ def size_warnings(name: str, parts: list[Part], patches: PatchSet) -> list[str]:
     spans = np.maximum.reduceat(highs[order], starts) - np.minimum.reduceat(lows[order], starts)
     for row, span in zip(rows.tolist(), spans, strict=True):
         path = parts[row].path
-        if said := _said(f"part {path}", path.rsplit("/", 1)[-1], float(span.max())):
+        if said := _said(f"part {path}", path.rsplit("/", 1)[-1], float(span.max()), setting):
             out.setdefault(re.sub(r"[\d:#]+", "", path), said)  # one of many equal ones
     return list(out.values())
 
 
-def _said(what: str, name: str, size: float) -> str | None:
+def _said(what: str, name: str, size: float, setting: str) -> str | None:
     words = _WORDS.findall(name)
     word = words[-1].lower() if words else ""
     for known, low, high in SIZES:
@@ -77,7 +82,7 @@ def _said(what: str, name: str, size: float) -> str | None:
             continue
         hint = next(
             (
-                f": {text}? With scale = {factor:.4g} it has {size * factor:.3g} m"
+                f": {text}? {factor:.4g} times as long it has {size * factor:.3g} m"
                 for factor, text in MISTAKES
                 if low <= size * factor <= high
             ),
@@ -85,6 +90,6 @@ def _said(what: str, name: str, size: float) -> str | None:
         )
         return (
             f"{what} is {size:.3g} m long, but a {kind} has {low:g} to {high:g} m; check its "
-            f"length unit (option unit or scale){hint}"
+            f"length unit ({setting}){hint}"
         )
     return None

@@ -90,9 +90,11 @@ def read_step(
         "scale": scale, "unit": unit, "tolerance": tolerance, "angle_deg": angle_deg,
         "heal": heal, "check_areas": check_areas, "cache": cache,
     }  # fmt: skip
-    # The name of the file names what has no name in it.
-    name = kept.key(text, {**options, "stem": file.stem}) if cache else ""
-    if cache:
+    # The name of the file names what has no name in it. What other files hold that it refers to
+    # (ISO 10303-21 external references) is not in the key; their parts are kept by themselves.
+    is_whole = cache and b"DOCUMENT_FILE" not in text
+    name = kept.key(text, {**options, "stem": file.stem}) if is_whole else ""
+    if is_whole:
         model = kept.model(name, str(file))
         if model is not None:
             return model
@@ -100,9 +102,10 @@ def read_step(
         **options, "path": str(file), "sha256": hashlib.sha256(text).hexdigest(),
         "notes": _remarks(text),
         "memory": available_bytes() if memory_gb is None else int(1e9 * memory_gb),
+        "asked_memory": memory_gb is not None,
     }  # fmt: skip
     contents = _run(request, timeout_s)
-    if cache:
+    if is_whole:
         kept.put(name, contents)
     return stored.to_model(contents)
 
@@ -163,27 +166,32 @@ def _run(request: dict[str, Any], timeout_s: float) -> stored.Contents:
         except subprocess.TimeoutExpired:
             raise InputError(f"{path}: not read within {timeout_s:g} s (timeout_s)") from None
         if not answer.exists():
-            raise InputError(f"{path}: {_cause(done, request['memory'])}")
+            raise InputError(f"{path}: {_cause(done, request)}")
         contents = stored.read(answer)
     head = contents[0]
     if "out_of_memory" in head:
-        raise InputError(f"{path}: {_too_little(request['memory'])}")
+        raise InputError(f"{path}: {_too_little(request)}")
     if "error" in head:
         message = head["error"]
         raise InputError(message if message.startswith(path) else f"{path}: {message}")
     return contents
 
 
-def _cause(done: subprocess.CompletedProcess[bytes], memory: int | None) -> str:
+def _cause(done: subprocess.CompletedProcess[bytes], request: dict[str, Any]) -> str:
     text = done.stderr.decode(errors="replace").strip()
-    if any(word in text for word in OUT_OF_MEMORY) or done.returncode == -signal.SIGKILL:
-        return _too_little(memory)
+    # Windows has no such signal, and no process that ends by one.
+    killed = -getattr(signal, "SIGKILL", 9)
+    if any(word in text for word in OUT_OF_MEMORY) or done.returncode == killed:
+        return _too_little(request)
     if done.returncode < 0:
         return f"the CAD kernel crashed on this file (signal {-done.returncode})"
     lines = text.splitlines()
     return f"reading failed: {lines[-1] if lines else f'exit code {done.returncode}'}"
 
 
-def _too_little(memory: int | None) -> str:
-    bound = "there is" if memory is None else f"{memory / 1e9:.3g} GB (memory_gb)"
-    return f"reading takes more memory than {bound}"
+def _too_little(request: dict[str, Any]) -> str:
+    memory = request["memory"]
+    if memory is None:
+        return "reading takes more memory than there is"
+    which = "memory_gb" if request["asked_memory"] else "what is free; memory_gb sets another limit"
+    return f"reading takes more memory than {memory / 1e9:.3g} GB ({which})"

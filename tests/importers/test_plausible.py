@@ -21,13 +21,14 @@ def warnings_of(size, name, unit="m"):
         ("desk:3", 1.6e-3, "metres taken for millimetres"),
         ("office", 0.2, "centimetres taken for millimetres"),
         ("BOTTLE", 25.0, "millimetres taken for centimetres"),
-        ("table", 35.0, "millimetres taken for centimetres"),
+        ("sofa", 35.0, "millimetres taken for centimetres"),
     ],
 )
 def test_things_have_the_size_of_what_they_are_called(name, size, hint):
     (said,) = warnings_of(size, name)
     assert name in said
     assert f"{size:.3g} m long" in said
+    assert "(option unit)" in said  # CadQuery's models have no other
     assert hint in said
 
 
@@ -37,6 +38,8 @@ def test_things_have_the_size_of_what_they_are_called(name, size, hint):
         ("window", 1.2), ("chair", 0.9), ("door handle", 0.1), ("window frame", 0.05),
         ("office", 6.0), ("wall", 0.5), ("bottle", 0.25), ("lamp", 0.05), ("bracket", 1e-2),
         ("", 0.01), ("17", 0.01),
+        # Words of machines as well: a rotary table, the can of a capacitor, a printer's bed.
+        ("rotary table", 0.05), ("can", 0.005), ("heat bed", 0.1), ("bearing cup", 0.005),
     ],
 )  # fmt: skip
 def test_usual_sizes_draw_no_word(name, size):

@@ -7,7 +7,7 @@ import pytest
 from patchlight.solver import gap_cuts, moved, reuse
 from patchlight.solver.budget import Budget
 from patchlight.solver.containment import Containment
-from patchlight.solver.field import FieldSolver
+from patchlight.solver.field_rows import FieldRows
 from patchlight.solver.mesh import Boxes
 from patchlight.solver.mesher import Mesher
 from patchlight.solver.model import PatchSet
@@ -132,13 +132,13 @@ def with_hatch(x):
 def test_a_room_that_is_opened_lets_light_out(monkeypatch):
     """Where a hatch was there is nothing now: told although only the way to it is looked at."""
     tried = []
-    real = FieldSolver._renewed
+    real = FieldRows.renewed
 
     def renewed(self, rows, asked, changed, tell=None):
         tried.append(bool(changed.again.any() and not changed.whole.any()))
         return real(self, rows, asked, changed, tell)
 
-    monkeypatch.setattr(FieldSolver, "_renewed", renewed)
+    monkeypatch.setattr(FieldRows, "renewed", renewed)
     closed = run(with_hatch(0.0))
     assert closed.balance.escaped_lm < 1e-6 * closed.balance.emitted_lm
     open_ = with_hatch(-1.0)
