@@ -101,7 +101,32 @@ def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
         default_faces=slots.default_faces,
         title=scene.title or next(iter(scene.entries)),
     )
-    return slots, with_glass(with_one_of_each(data, slots.order), slots.glass)
+    slots, data = _without_lost_lamps(slots, data, with_one_of_each(data, slots.order))
+    return slots, with_glass(data, slots.glass)
+
+
+def _without_lost_lamps(
+    slots: Slots, before: SceneData, data: SceneData
+) -> tuple[Slots, SceneData]:
+    """Lamps whose faces all lie on others that carry the light instead are none."""
+    left = np.unique(data.luminaire_index[data.luminaire_index >= 0])
+    lost = np.setdiff1d(before.luminaire_index[before.luminaire_index >= 0], left)
+    if not len(lost):
+        return slots, data
+    number = np.full(len(slots.lamps) + 1, -1)  # the last one stands for no lamp
+    kept = [k for k in range(len(slots.lamps)) if k not in lost]
+    number[kept] = np.arange(len(kept))
+    paths = ", ".join(data.parts[slots.lamps[k][0]].path for k in lost)
+    note = (
+        f"no light of {paths}: the emitting faces lie on others that look the same way and carry "
+        "the light; remove one of the two"
+    )
+    return (
+        dataclasses.replace(slots, lamps=[slots.lamps[k] for k in kept]),
+        dataclasses.replace(
+            data, luminaire_index=number[data.luminaire_index], notes=(*data.notes, note)
+        ),
+    )
 
 
 def _part_table(scene: Scene) -> tuple[tuple[ScenePart, ...], tuple[SceneFace, ...]]:

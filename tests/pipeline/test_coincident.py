@@ -134,3 +134,16 @@ def test_a_solid_that_is_there_twice_counts_once():
 def test_near_is_not_the_same():
     scene = scene_of(a=SQUARE, b=SQUARE.copy().translate(cq.Vector(0, 0, 1e-4)))
     assert not any("looks the same way" in note for note in scene.freeze().notes)
+
+
+def test_of_two_lamps_on_each_other_one_shines():
+    scene = scene_of(a=SQUARE, b=SQUARE.copy(), floor=SQUARE.moved(cq.Location((0, 0, -3))))
+    a, b, _ = paths(scene)
+    scene.assign(a, Emitter(flux_lm=100.0))
+    scene.assign(b, Emitter(flux_lm=300.0))
+    data = scene.freeze()
+    assert [lamp.part for lamp in data.luminaires] == [b]
+    assert set(np.unique(data.luminaire_index)) == {-1, 0}
+    assert any(note.startswith(f"no light of {a}:") for note in data.notes)
+    result = simulate(scene, accuracy=0.1)
+    assert result.balance.emitted_lm == pytest.approx(300.0, rel=1e-6)
