@@ -13,6 +13,8 @@ import atexit
 import contextlib
 import hashlib
 import os
+import platform
+import re
 import subprocess
 import sys
 import threading
@@ -23,12 +25,14 @@ from .cache_locks import locks_of
 from .cores import usable_cores
 from .errors import InputError
 from .memory import available_bytes
-from .numba_cache import KERNELS, is_compiling_off, source_key, use_cache_folder
+from .numba_cache import KERNELS, TESTED_VERSIONS, is_compiling_off, source_key, use_cache_folder
 
 #: Environment variable: how many processes compile ahead; 0: none.
 VARIABLE = "PATCHLIGHT_COMPILE_PROCESSES"
 #: More do not help: one kernel takes half the time, and two processes beside it do the rest.
 MOST_PROCESSES = 2
+#: Processes that a user may ask for.
+LIMIT = 64
 #: Memory of a process that compiles, and of the run beside it. [B]
 PROCESS_BYTES, RUN_BYTES = 1_000_000_000, 2_000_000_000
 #: Kernels that nearly every run needs, and the types of their arguments.
@@ -71,6 +75,8 @@ def _can_help(folder: Path) -> bool:
     """Whether there is something to compile, and another process can."""
     if is_compiling_off() or done_mark(folder).exists():
         return False
+    if numba_version()[:2] not in TESTED_VERSIONS:
+        return False  # what is listed and kept are then kernels that call each other, one by one
     is_program = bool(sys.executable) and not getattr(sys, "frozen", False)
     return is_program and locks_of(folder) is not None
 
@@ -81,16 +87,37 @@ def asked_processes() -> int | None:
     if not text:
         return None
     if not (text.isascii() and text.isdigit()):
-        raise InputError(f"{VARIABLE} = {text!r}: must be a whole number, at least 0")
+        raise InputError(f"{VARIABLE} = {text!r}: must be a whole number from 0 to {LIMIT}")
+    if int(text) > LIMIT:
+        raise InputError(f"{VARIABLE} = {text}: must be a whole number from 0 to {LIMIT}")
     return int(text)
 
 
+def numba_version() -> tuple[int, ...]:
+    """Version of Numba, which need not be imported for it."""
+    return tuple(int(n) for n in re.findall(r"\d+", metadata.version("numba")))
+
+
 def done_mark(folder: Path) -> Path:
-    """File whose presence says that all in `LIST` is compiled, by this version of everything."""
+    """File whose presence says that all in `LIST` is compiled, by this version of everything.
+
+    That is what Numba finds it by: path and time of the sources, and the kind of CPU.
+    """
     digest = hashlib.sha256(LIST.read_bytes())
-    for text in (source_key(), sys.version, metadata.version("numba")):
-        digest.update(text.encode() + b"\0")
+    times = [path.stat().st_mtime_ns for path in sorted(KERNELS.rglob("*.py"))]
+    for text in (source_key(), sys.version, metadata.version("numba"), KERNELS, times, _cpu()):
+        digest.update(f"{text}\0".encode())
     return folder / f"ahead-{digest.hexdigest()[:16]}"
+
+
+def _cpu() -> str:
+    """What tells kinds of CPU apart that machine code is made for."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:  # not Linux
+        return platform.processor()
+    told = ("model name", "flags", "Features", "CPU part")
+    return "\n".join(sorted({line for line in lines if line.startswith(told)}))
 
 
 def _sensible_processes() -> int:

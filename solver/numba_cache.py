@@ -13,6 +13,9 @@ import tempfile
 from pathlib import Path
 
 KERNELS = Path(__file__).parent / "kernels"
+#: Versions of Numba, (major, minor), that `kernels.parts` and `kernels.shared_cache` were tested
+#: with. Both build on its inner classes. One is added when all tests of the solver pass with it.
+TESTED_VERSIONS = ((0, 68),)
 
 
 def source_key() -> str:

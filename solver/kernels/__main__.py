@@ -29,7 +29,8 @@ def main(number):
     while not all(one.is_done for one in listed()):
         if not compile_one():
             time.sleep(_PAUSE_S)
-    done_mark(folder).touch()
+    if not any(one.has_failed for one in listed()):
+        done_mark(folder).touch()
 
 
 def _end_with_starter():

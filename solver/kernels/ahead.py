@@ -15,7 +15,7 @@ class Listed:
 
     def __init__(self, name, types):
         self.name, self._types = name, types
-        self.is_done = False
+        self.is_done = self.has_failed = False
 
     def resolved(self):
         """The function, and the types as Numba has them."""
@@ -32,7 +32,7 @@ class Listed:
                 return False
             kernel.compile(signature)  # which lets go of what was taken
         except Exception:  # a list that does not fit the kernels, a full disk: not done ahead
-            pass
+            self.has_failed = True
         self.is_done = True
         return True
 

@@ -4,9 +4,7 @@ import importlib
 
 import numba as nb
 
-#: Versions of Numba, (major, minor), that `parts` and `shared_cache` were tested with. Both build
-#: on its inner classes. One is added when all tests of the solver pass with it.
-TESTED_VERSIONS = ((0, 68),)
+from ..numba_cache import TESTED_VERSIONS
 
 
 def _built_on_numba(name):

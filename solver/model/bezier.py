@@ -124,9 +124,7 @@ def surface_points(
     if np.ndim(u) > 1:
         h = _bases(u, v) @ nets.reshape(len(nets), 16, 4)
         return _euclidean(h[:, :k], h[:, k : 2 * k], h[:, 2 * k :])
-    basis = _fixed_basis(
-        *(np.ascontiguousarray(x, dtype=np.float64).tobytes() for x in (u, v))
-    )
+    basis = _fixed_basis(*(np.ascontiguousarray(x, dtype=np.float64).tobytes() for x in (u, v)))
     if 0 < len(nets) <= _CACHED_NETS:
         return next(_in_blocks(nets, basis))[1]
     out = np.empty((3, len(nets), k, 3))

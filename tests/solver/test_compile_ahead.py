@@ -87,7 +87,15 @@ def package(tmp_path_factory):
     for path in SOLVER.glob("*.py"):
         shutil.copy(path, inner)
     (inner / "kernels").mkdir()
-    for name in ("__init__", "__main__", "ahead", "compiled", "parts", "shared_cache"):
+    for name in (
+        "__init__",
+        "__main__",
+        "ahead",
+        "compiled",
+        "known_calls",
+        "parts",
+        "shared_cache",
+    ):
         shutil.copy(SOLVER / "kernels" / f"{name}.py", inner / "kernels")
     (inner / "kernels" / "small.py").write_text(KERNELS)
     (inner / "kernels" / "ahead.txt").write_text(LIST)
@@ -133,6 +141,8 @@ def said(process: subprocess.Popen) -> list[str]:
 CALL = """
 from patchlight.solver.kernels import small
 print(small.root(9.0), small.double(4.0))
+from patchlight.solver.kernels import compiled
+assert compiled._PARTS is not None, "kernels are not compiled as parts of others"
 for kernel in (small.root, small.double):
     print(sum(kernel.stats.cache_hits.values()), sum(kernel.stats.cache_misses.values()))
 """
@@ -157,6 +167,16 @@ def kill():
 
 threading.Thread(target=kill).start()
 """
+
+
+def test_nothing_is_said_to_be_done_that_has_failed(start, package, tmp_path):
+    """A kernel that is listed and does not fit is tried again by the next version."""
+    copy = shutil.copytree(package, tmp_path / "broken")
+    (copy / "patchlight" / "solver" / "kernels" / "ahead.txt").write_text(
+        LIST + "small.root (unicode_type,)\n"
+    )
+    done = "started[0].wait()\nprint(compile_ahead.done_mark(folder).exists())\n"
+    assert said(start(done + CALL, PYTHONPATH=str(copy))) == ["1", "False", "3.0 8.0", "1 0", "1 0"]
 
 
 @pytest.mark.parametrize("end", ["killed", "too long"])
@@ -218,7 +238,9 @@ def test_process_that_cannot_import_is_done_without(start, package, tmp_path):
     assert lines == ["1", "3.0 8.0", "0 1", "0 1"]
 
 
-@pytest.mark.parametrize("why", ["variable", "one core", "memory", "cache", "program", "JIT"])
+@pytest.mark.parametrize(
+    "why", ["variable", "one core", "memory", "cache", "program", "JIT", "Numba"]
+)
 def test_no_process_is_started_where_none_helps(why, monkeypatch, tmp_path):
     started = []
     monkeypatch.setattr(ahead, "_LOOKED_AT", {})
@@ -246,16 +268,18 @@ def test_no_process_is_started_where_none_helps(why, monkeypatch, tmp_path):
         folder = tmp_path / "file" / "cache"
     elif why == "program":
         monkeypatch.setattr(sys, "executable", None)
+    elif why == "Numba":
+        monkeypatch.setattr(ahead, "numba_version", lambda: (0, 99, 1))
     else:
         monkeypatch.setattr(ahead, "is_compiling_off", lambda: True)
     assert ahead.compile_ahead() == (folder, False)
     assert not started
 
 
-@pytest.mark.parametrize("value", ["two", "-1", "1.5"])
+@pytest.mark.parametrize("value", ["two", "-1", "1.5", "65", "1000000"])
 def test_number_of_processes_must_be_one(value, monkeypatch):
     monkeypatch.setenv(ahead.VARIABLE, value)
-    with pytest.raises(InputError, match=rf"{ahead.VARIABLE} = '{value}'.*at least 0"):
+    with pytest.raises(InputError, match=rf"{ahead.VARIABLE} = '?{value}'?: .*from 0 to 64"):
         ahead.compile_ahead()
 
 
