@@ -65,6 +65,7 @@ class Volumes:
     def parts_at(self, points: ArrayLike) -> IntArray:
         """Row of a part that each point (m, 3) lies in, −1 for none: (m,) int. [m]"""
         from .kernels.containment import containing_parts
+        from .kernels.threads import threads_for
 
         p = frozen(points)
         check_shape("points", p, (None, 3))
@@ -72,7 +73,8 @@ class Volumes:
         if not len(self._part_of):
             return np.full(len(p), -1)
         arrays = (*self.caster.arrays, self._part_of, self._boxes)
-        return np.asarray(containing_parts(*arrays, p, _DIRECTIONS))
+        with threads_for(5 * len(p)):  # a point of a few surfaces takes as long as five pairs
+            return np.asarray(containing_parts(*arrays, p, _DIRECTIONS))
 
 
 class Containment:

@@ -19,7 +19,7 @@ from .kernels.nets import PLANAR
 from .kernels.packed import add_products
 from .kernels.pyramid import Blockers
 from .kernels.rows import CELLS, DARK_PAIRS, SCANNED, TRACED, UNOCCLUDED, Sources
-from .kernels.threads import count_threads
+from .kernels.threads import threads_for
 from .memory import DOUBLE_BYTES, ROW_BYTES, check_matrix
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.elements import Elements
@@ -35,8 +35,8 @@ from .walls import find_walls, walls_under
 ROWS_PER_BLOCK, PAIRS_PER_BLOCK = 512, 16384
 #: How often a partly hidden element is quartered at most.
 LEVELS = 8
-#: Products of numbers below which threads cost more than they save.
-SMALL = 1 << 18
+#: Products of numbers that NumPy takes no longer for than a kernel, and what a pair is worth.
+SMALL, PRODUCTS_OF_PAIR = 1 << 18, 1000
 #: Relative rounding of factors of single precision.
 ROUNDING = 2.0**-24
 #: Form factor of sky and ground above which a receiver sees out.
@@ -115,7 +115,8 @@ def products(matrix: MatrixArray, light: FloatArray) -> FloatArray:
         out = np.einsum("mn,cn->mc", matrix, columns)
     else:
         out = np.empty((len(matrix), len(columns)))
-        multiply(matrix, columns, out)
+        with threads_for(matrix.size * len(columns) // PRODUCTS_OF_PAIR):
+            multiply(matrix, columns, out)
     return out.reshape(len(matrix), *light.shape[1:])
 
 
@@ -299,30 +300,32 @@ def form_factor_matrix(
     block = max(ROWS_PER_BLOCK, PAIRS_PER_BLOCK // max(n, 1))
     for start in range(0, m, block):
         rows = slice(start, min(start + block, m))
-        form_factor_rows(
-            writable(nodes[rows]),
-            writable(normals[rows]),
-            writable(weights[rows]),
-            writable(patches[rows], np.int64),
-            writable(own[rows], np.int64),
-            walls[rows],
-            writable(lifts[rows]),
-            first + start,
-            sources,
-            blockers,
-            near_ratio(eps),
-            eps,
-            trace,
-            levels,
-            tone,
-            count_threads(),
-            np.empty((0, n)) if single else factors[rows],
-            factors[rows] if single else none,
-            variances[rows],
-            outside[rows],
-            sums[rows],
-            counters[rows],
-        )
+        # What is traced takes a hundred times as long.
+        with threads_for(len(nodes[rows]) * n * (100 if trace else 1)) as threads:
+            form_factor_rows(
+                writable(nodes[rows]),
+                writable(normals[rows]),
+                writable(weights[rows]),
+                writable(patches[rows], np.int64),
+                writable(own[rows], np.int64),
+                walls[rows],
+                writable(lifts[rows]),
+                first + start,
+                sources,
+                blockers,
+                near_ratio(eps),
+                eps,
+                trace,
+                levels,
+                tone,
+                threads,
+                np.empty((0, n)) if single else factors[rows],
+                factors[rows] if single else none,
+                variances[rows],
+                outside[rows],
+                sums[rows],
+                counters[rows],
+            )
         if not np.isfinite(sums[rows, 0]).all():
             i, j = np.argwhere(~np.isfinite(factors[rows]))[0]
             raise NumericsError(f"form factor from receiver {start + i} to element {j}: not finite")

@@ -13,6 +13,7 @@ from .edges import EDGE_NODES
 from .exchange import Rows, products
 from .kernels.rows import Sources
 from .kernels.spread import Basis, spread_rows
+from .kernels.threads import threads_for
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.bezier import gauss_rule, surface_points
 from .model.elements import Elements
@@ -311,18 +312,19 @@ class Unknowns:
         order = len(self.basis.rule)
         at = receivers.nodes, receivers.normals, receivers.weights
         far, middle = (1.0 + reach(eps, q) / math.sqrt(2.0) for q in (order, EDGE_NODES))
-        spread_rows(
-            writable(receivers.nodes[:, 0]),
-            writable(receivers.normals[:, 0]),
-            walls_under(*at, sources.wall_spheres),
-            factors,
-            sources,
-            self.basis,
-            far,
-            middle,
-            middle,
-            out,
-        )
+        with threads_for(factors.size):
+            spread_rows(
+                writable(receivers.nodes[:, 0]),
+                writable(receivers.normals[:, 0]),
+                walls_under(*at, sources.wall_spheres),
+                factors,
+                sources,
+                self.basis,
+                far,
+                middle,
+                middle,
+                out,
+            )
 
 
 def reach(eps: float, order: int) -> float:
