@@ -1,4 +1,4 @@
-"""How many cores the process may use."""
+"""How many cores the process may use, and how it waits on them."""
 
 from __future__ import annotations
 
@@ -27,3 +27,13 @@ def usable_cores(root: Path = Path("/")) -> int:
         if len(words) == 2 and all(word.isdigit() for word in words):  # not "max", and not "-1"
             cores = min(cores, int(words[0]) // max(1, int(words[1])))
     return max(1, cores)
+
+
+def let_threads_sleep() -> None:
+    """Let threads of OpenMP sleep where they wait for others, unless the user has it otherwise.
+
+    They would turn round and round for milliseconds after each parallel kernel, which takes cores
+    from other processes: two runs beside each other took twice the time. To be called before the
+    first parallel kernel runs.
+    """
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
