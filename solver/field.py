@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from .arrangement import Changed
 from .budget import EXACT_AT_SENSORS, Budget
 from .containment import Containment
 from .exchange import ROUNDING, Rows
@@ -16,6 +17,7 @@ from .field_sources import fineness_of, sources_of
 from .highlights import Highlights
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
+from .kept_mesh import Mesh
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
@@ -31,11 +33,10 @@ from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
-from .moved import Changed
 from .moved_elements import kept_elements
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
-from .reuse import Kept, Mesh
+from .reuse import Kept
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .rule_error import OF_RULES, rule_error
 from .shut_in import Hidden, hide, same_hidden
@@ -170,7 +171,7 @@ class FieldSolver:
                     if not same_hidden(hidden, old[3]):
                         return None  # what is moved shuts in more, or less
                     if hidden is not None:
-                        hide(now, hidden)
+                        hide(now, hidden, np.flatnonzero(changed.again))
                     raw, at = old[2].copy(), np.flatnonzero(changed.again)
                     of = replace(asked, hidden=hidden)
                     raw[at] = self.rows.close_again(now, at, of, 1.0, outside=out)
@@ -184,6 +185,7 @@ class FieldSolver:
                     self._under_sky,
                     renew,
                     sees_out=lambda old: old[1],
+                    choose=lambda worth, bounds: worth.on_elements(of, bounds),
                 )
                 if self.rows.may_shut_in:
                     shut = 0 if hidden is None else int(hidden.sum())
@@ -297,6 +299,7 @@ class FieldSolver:
             self._under_sky,
             renew,
             sees_out=lambda old: field.sees_out,
+            choose=lambda worth, bounds: worth.on_elements(some.element, bounds),
         )
         rows = self.rows.through_panes(rows, asked, field.surfaces)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
@@ -355,6 +358,7 @@ class FieldSolver:
                 renew=renew,
                 sees_out=lambda old: field.sees_out,
                 which=grid.name,
+                choose=lambda worth, bounds: worth.at_sensors(grid.name, bounds),
             )
         rows = self.rows.through_panes(rows, asked, field.surfaces)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)

@@ -12,6 +12,7 @@ from .containment import Containment
 from .gap_cuts import in_gaps, with_gaps
 from .horizon_lines import with_lines
 from .kept_light import KeptLight
+from .kept_mesh import LOOSER, Mesh
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
@@ -21,7 +22,7 @@ from .model.scene import SceneData
 from .moved import points_in_new_light
 from .profile_mesh import with_profiles
 from .refinement import Looked, Refiner
-from .reuse import LOOSER, Kept, Mesh, tolerances
+from .reuse import Kept, tolerances
 from .stages import Stages
 from .surfaces import reflectances
 
@@ -168,6 +169,9 @@ class Mesher:
         if not np.array_equal(mesh.nets, now[2]):
             places = refiner.places(mesh.boxes)
             touched = points_in_new_light(self.scene, mesh.nets, mesh.boxes.patch, *places)
+            most = refiner.at_most(mesh.boxes, looked, np.asarray(touched.any(axis=1)))
+            if mesh.still_good(most, budget.misplaced):
+                return most
             looked = refiner.renewed(mesh.boxes, looked, touched)
         return refiner.again(mesh.boxes, looked)
 

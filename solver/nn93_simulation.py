@@ -15,6 +15,7 @@ from .errors import InputError
 from .exchange import ROUNDING
 from .field import FieldSolver
 from .iterated import as_it_is
+from .kept_error import KeptError
 from .mesh import Boxes
 from .mesh_error import MeshError
 from .model.arrays import FloatArray
@@ -91,7 +92,8 @@ class Nn93Simulation(Simulation):
             rules = (OF_RULES * FINE_SHARE * self.budget.eps + ROUNDING) * light.luminous()
             sensors[grid.name] = self._sensor_result(k, light, shift + rules)
             without_mesh[grid.name] = self._sensor_result(k, light, rules)
-        return Solved(field, finer, balance, error, sensors, without_mesh)
+        nothing = KeptError.none(np.zeros(len(field.surfaces.areas)))
+        return Solved(field, finer, balance, error, nothing, sensors, without_mesh)
 
     def _count(self, field: Field) -> None:
         super()._count(field)

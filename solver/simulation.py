@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import BASES, Budget, most_varying, scene_bytes
+from .budget import BASES, Budget, by_factors_alone, most_varying, scene_bytes
+from .change_bounds import Worth
 from .containment import Containment
 from .effort import check_effort
 from .errors import GeometryError, InputError
@@ -14,6 +15,8 @@ from .exchange import ROUNDING
 from .field import FieldSolver
 from .incident import Gathered
 from .iterated import Finer
+from .kept_error import KeptError, kept_error
+from .kept_mesh import Mesh
 from .kept_placement import placement_remarks
 from .kernels.pyramid import Blockers
 from .ledger import ledger_warning, make_balance
@@ -25,11 +28,12 @@ from .model.reached import accuracies_reached, accuracy_message
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .moved_blockers import kept_blockers
-from .reuse import STORE, Kept, Mesh, forget
+from .reuse import Kept, tolerances
 from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
 from .solved_field import Field
 from .stages import Progress, Stages
+from .store import STORE, forget
 from .surfaces import reflectances
 from .topology import is_single
 
@@ -142,6 +146,7 @@ class Solved:
     finer: Finer
     balance: Balance
     error: MeshError
+    kept: KeptError
     sensors: dict[str, SensorResult]
     without_mesh: dict[str, SensorResult]
 
@@ -247,7 +252,7 @@ class Simulation:
         if not converged:
             stages.warnings.append(accuracy_message(sensors, self.budget.accuracy))
         self._keep_mesh(solver, kept, solved, converged=converged)
-        on_elements = solved.error.of(light, doubt_on(field, finer))
+        on_elements = solved.error.of(light, doubt_on(field, finer)) + solved.kept.elements
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
@@ -353,6 +358,37 @@ class Simulation:
 
     def _on(self, solver: FieldSolver, boxes: Boxes) -> Solved:
         """Light on one mesh, and at the sensors."""
+        kept, of = solver.kept, (tolerances(self.budget), boxes)
+        # Bounds of what old rows have wrong are known where all light passes by form factors.
+        lit = self.scene.sky is not None or self.scene.sun is not None
+        kept.exact = lit or not by_factors_alone(self.scene)
+        kept.worth = kept.of_parts("worth", of)
+        solved = self._with_rows(solver, boxes)
+        light = [one.illuminance_lx for one in solved.sensors.values()]
+        if not solved.kept.is_within(self.budget.accuracy, light):
+            kept.exact = True
+            solved = self._with_rows(solver, boxes)
+        if kept.old_rows:
+            most = max((float(lux.max()) for lux in solved.kept.sensors if len(lux)), default=0.0)
+            self.stages.figures["error_of_rows_left_lx"] = most
+        if self.store is not None:
+            kept.keep_of_parts("worth", of, self._worth(solved))
+        return solved
+
+    def _worth(self, solved: Solved) -> Worth:
+        """What of the light matters, for a run after this one."""
+        field = solved.field
+        return Worth.of(
+            luminous(field.exitance_told),
+            solved.finer.weights,
+            field.surfaces.reflectance.max(axis=1),
+            field.surfaces.areas,
+            {name: one.illuminance_lx for name, one in solved.sensors.items()},
+            self.budget.accuracy,
+        )
+
+    def _with_rows(self, solver: FieldSolver, boxes: Boxes) -> Solved:
+        """The same, old rows being taken as far as `Kept` allows."""
         budget = self.budget
         field = solver.solve(budget, boxes)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
@@ -360,13 +396,15 @@ class Simulation:
         balance = self._balance(field, finer, solver)
         unseen = budget.unseen(finer.unseen)
         error = MeshError.of_finer(finer, abs(balance.residual_fraction), unseen)
+        names = [grid.name for grid in self.scene.sensors]
+        kept = kept_error(field, finer, solver.kept, dict(zip(names, seen, strict=True)))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             gathered, doubt, rules = solver.gather(grid, seen[k], field, finer)
-            mesh = error.of(gathered, doubt)
-            sensors[grid.name] = self._sensor_result(k, gathered, mesh + rules)
-            without_mesh[grid.name] = self._sensor_result(k, gathered, rules)
-        return Solved(field, finer, balance, error, sensors, without_mesh)
+            mesh, rest = error.of(gathered, doubt), rules + kept.sensors[k]
+            sensors[grid.name] = self._sensor_result(k, gathered, mesh + rest)
+            without_mesh[grid.name] = self._sensor_result(k, gathered, rest)
+        return Solved(field, finer, balance, error, kept, sensors, without_mesh)
 
     def _sensor_result(self, index: int, gathered: Gathered, more: FloatArray) -> SensorResult:
         """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]"""

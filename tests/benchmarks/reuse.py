@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from patchlight.pipeline import load_scene
 from patchlight.pipeline.demo import write_demo
-from patchlight.solver import reuse
+from patchlight.solver import store
 from patchlight.solver.model import CIESky, Material, PatchSet, Result, SceneData
 from patchlight.solver.simulation import solve
 from report import machine
@@ -91,7 +91,7 @@ def measure(scene: SceneData, accuracy: float) -> dict[str, dict[str, Any]]:
     solve(under_another_sky(scene), accuracy=0.5)  # loads compiled kernels
     out = {}
     for name, change in CHANGES.items():
-        reuse.forget()
+        store.forget()
         solve(scene, accuracy=accuracy, cache=True)
         changed = change(scene)
         result, record = timed(changed, accuracy, cache=True)
@@ -104,7 +104,7 @@ def measure(scene: SceneData, accuracy: float) -> dict[str, dict[str, Any]]:
             f"{name:18}{full['seconds']:8.2f} s{record['seconds']:8.2f} s{record['share']:8.0%} CPU"
             f"{record['difference_in_errors']:8.3f}"
         )
-    reuse.forget()
+    store.forget()
     return out
 
 
