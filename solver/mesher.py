@@ -187,7 +187,8 @@ class Mesher:
             if not some.any() or change.max() <= LOOSER * change.min():
                 return False
         of = tolerances(budget), mesh.boxes, reflectances(self.scene)
-        found = in_gaps(mesh.boxes, self.scene, budget, self.kept.of_parts("gaps", of))
+        caster = self._containment.caster_of_all
+        found = in_gaps(mesh.boxes, self.scene, budget, self.kept.of_parts("gaps", of), caster)
         self.kept.keep_of_parts("gaps", of, found)
         return found.left > LOOSER
 
