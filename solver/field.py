@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 
 from .arrangement import Changed
-from .budget import EXACT_AT_SENSORS, Budget
+from .budget import Budget
 from .containment import Containment
 from .exchange import ROUNDING, Rows
 from .exchange import products as multiplied
 from .field_rows import FieldRows
-from .field_sources import fineness_of, sources_of
+from .field_sources import fineness_of, sources_at_sensors, sources_of
 from .highlights import Highlights
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
@@ -44,12 +44,9 @@ from .sights import unsighted
 from .solved_field import Field, SensorRows
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
-from .tables import meridians
 from .topology import is_single
 from .unknowns import Unknowns
 
-#: Size of sampled cells at sensors against those between surfaces.
-SENSOR_SHARE = 0.1
 #: Elements of large meshes get the light of lamps at many points down to this share of the aimed
 #: size.
 AVERAGED = 0.25
@@ -313,21 +310,7 @@ class FieldSolver:
     def seen(self, grid: Sensors, budget: Budget, field: Field) -> SensorRows:
         """What sensors see, and direct light at the sensors themselves."""
         receivers = Receivers.of_sensors(grid)
-        # No average over nodes and bounces hides the sampling of a single sensor.
-        sources = field.sources
-        fine = sources._replace(
-            cell_eps=sources.cell_eps * SENSOR_SHARE,
-            exact_above=np.where(
-                field.fineness.bright,
-                sources.cell_eps * (EXACT_AT_SENSORS * budget.accuracy / budget.cell_eps),
-                sources.cell_eps * (budget.sensor_exact_above / budget.cell_eps),
-            ),
-            azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
-            point_from=np.full_like(sources.point_from, np.inf),
-        )
-        if field.surfaces.emission is not None:
-            # Which part of a lamp is hidden counts where its parts differ.
-            fine.exact_above[field.surfaces.emission.element] = 0.0
+        fine = sources_at_sensors(field, budget)
         light = self._incidence.from_outside(receivers, budget, field.sees_out)
         closed = not field.sees_out or {"sky", "ground"} <= set(light.direct)
         with self.stages.run("sensors") as tell:
