@@ -106,7 +106,7 @@ def simulate(
 
 def forget() -> None:
     """Free all that earlier runs of this process have kept for later ones."""
-    from patchlight.solver.reuse import forget as forget_runs
+    from patchlight.solver.store import forget as forget_runs
 
     forget_runs()
 

@@ -207,7 +207,7 @@ class Budget:
         if basis == "bilinear":
             # Systems of many elements are packed, where factors alone make them.
             many = total > most_varying(basis)
-            if not (_by_factors_alone(scene) if many else holds(basis)):
+            if not (by_factors_alone(scene) if many else holds(basis)):
                 basis = "constant"
         held = most_varying(basis) if basis == "biquadratic" else MAX_ELEMENTS
         nodes = NODES[basis]
@@ -330,7 +330,7 @@ def _lines(accuracy: float, large: bool) -> int:
     return int(min(max(5.0 / accuracy, 48.0), LINES_OF_MANY if large else 1024.0))
 
 
-def _by_factors_alone(scene: SceneData) -> bool:
+def by_factors_alone(scene: SceneData) -> bool:
     """Whether all light between surfaces goes straight, and leaves each of them evenly."""
     straight = not any(np.any(material.mirror) for material in scene.materials)
     even = all(lamp.web is None and lamp.profile is None for lamp in scene.luminaires)

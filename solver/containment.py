@@ -100,8 +100,9 @@ class Containment:
         from .topology import is_single
 
         self._scene = scene
-        no_pane = scene.opaque_count == len(scene.patches)
-        self.is_cavity = blockers is not None and no_pane and is_single(blockers, blockers.hollow)
+        self._no_pane = scene.opaque_count == len(scene.patches)
+        alone = blockers is not None and is_single(blockers, blockers.hollow)
+        self.is_cavity = alone and self._no_pane
 
     @cached_property
     def _material(self) -> NDArray[np.bool_]:
@@ -121,6 +122,12 @@ class Containment:
         every = np.flatnonzero(self._scene.closed)
         same = len(every) == int(self._material.sum())
         return self._solids.caster if same else RayCaster(self._scene.patches.take(every))
+
+    @property
+    def caster_of_all(self) -> RayCaster | None:
+        """Of all patches, where all are of solids or air volumes and none is a pane; else None."""
+        every = bool(np.asarray(self._scene.closed).all()) and self._no_pane
+        return self._closed if every else None
 
     def parts_at(self, points: ArrayLike) -> IntArray:
         """Row of a part whose material each point (m, 3) lies in, −1 for none: (m,) int. [m]"""

@@ -7,15 +7,17 @@ from functools import partial
 
 import numpy as np
 
-from .budget import EXACT_AT_SENSORS, Budget
+from .arrangement import Changed
+from .budget import Budget
 from .containment import Containment
 from .exchange import ROUNDING, Rows
 from .exchange import products as multiplied
 from .field_rows import FieldRows
-from .field_sources import fineness_of, sources_of
+from .field_sources import fineness_of, sources_at_sensors, sources_of
 from .highlights import Highlights
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
+from .kept_mesh import Mesh
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
@@ -31,11 +33,10 @@ from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
-from .moved import Changed
 from .moved_elements import kept_elements
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
-from .reuse import Kept, Mesh
+from .reuse import Kept
 from .row_finder import FINE_SHARE, Ask, RowFinder
 from .rule_error import OF_RULES, rule_error
 from .shut_in import Hidden, hide, same_hidden
@@ -43,12 +44,9 @@ from .sights import unsighted
 from .solved_field import Field, SensorRows
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
-from .tables import meridians
 from .topology import is_single
 from .unknowns import Unknowns
 
-#: Size of sampled cells at sensors against those between surfaces.
-SENSOR_SHARE = 0.1
 #: Elements of large meshes get the light of lamps at many points down to this share of the aimed
 #: size.
 AVERAGED = 0.25
@@ -170,7 +168,7 @@ class FieldSolver:
                     if not same_hidden(hidden, old[3]):
                         return None  # what is moved shuts in more, or less
                     if hidden is not None:
-                        hide(now, hidden)
+                        hide(now, hidden, np.flatnonzero(changed.again))
                     raw, at = old[2].copy(), np.flatnonzero(changed.again)
                     of = replace(asked, hidden=hidden)
                     raw[at] = self.rows.close_again(now, at, of, 1.0, outside=out)
@@ -184,6 +182,7 @@ class FieldSolver:
                     self._under_sky,
                     renew,
                     sees_out=lambda old: old[1],
+                    choose=lambda worth, bounds: worth.on_elements(of, bounds),
                 )
                 if self.rows.may_shut_in:
                     shut = 0 if hidden is None else int(hidden.sum())
@@ -297,6 +296,7 @@ class FieldSolver:
             self._under_sky,
             renew,
             sees_out=lambda old: field.sees_out,
+            choose=lambda worth, bounds: worth.on_elements(some.element, bounds),
         )
         rows = self.rows.through_panes(rows, asked, field.surfaces)
         light = self._incidence.on(asked, rows, field.surfaces, some, sees_out=field.sees_out)
@@ -310,21 +310,7 @@ class FieldSolver:
     def seen(self, grid: Sensors, budget: Budget, field: Field) -> SensorRows:
         """What sensors see, and direct light at the sensors themselves."""
         receivers = Receivers.of_sensors(grid)
-        # No average over nodes and bounces hides the sampling of a single sensor.
-        sources = field.sources
-        fine = sources._replace(
-            cell_eps=sources.cell_eps * SENSOR_SHARE,
-            exact_above=np.where(
-                field.fineness.bright,
-                sources.cell_eps * (EXACT_AT_SENSORS * budget.accuracy / budget.cell_eps),
-                sources.cell_eps * (budget.sensor_exact_above / budget.cell_eps),
-            ),
-            azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
-            point_from=np.full_like(sources.point_from, np.inf),
-        )
-        if field.surfaces.emission is not None:
-            # Which part of a lamp is hidden counts where its parts differ.
-            fine.exact_above[field.surfaces.emission.element] = 0.0
+        fine = sources_at_sensors(field, budget)
         light = self._incidence.from_outside(receivers, budget, field.sees_out)
         closed = not field.sees_out or {"sky", "ground"} <= set(light.direct)
         with self.stages.run("sensors") as tell:
@@ -355,6 +341,7 @@ class FieldSolver:
                 renew=renew,
                 sees_out=lambda old: field.sees_out,
                 which=grid.name,
+                choose=lambda worth, bounds: worth.at_sensors(grid.name, bounds),
             )
         rows = self.rows.through_panes(rows, asked, field.surfaces)
         self._incidence.add_lamps(light, asked, rows, field.surfaces)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .exchange import OUTSIDE, Rows
+from .arrangement import Changed
+from .exchange import Rows
 from .model.arrays import FloatArray, IntArray
-from .moved import Changed
 from .pane_field import PaneField
 from .renewed import renewed_rows
 from .reuse import Kept
@@ -57,9 +57,9 @@ class FieldRows:
         noise = 3.0 * np.sqrt(rows.sums[lit, 1]) + 1e-4
         leaves = missing > noise
         if self.finder.trace:
-            # What the meridians met is known besides: a row that meets something on all of them
-            # is closed, however its factors add up.
-            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > OUTSIDE
+            # What the meridians met is known besides, and must say as much: slivers between facets
+            # of curved walls let all of them through somewhere.
+            leaves &= rows.outside[lit, 1] + rows.outside[lit, 2] > noise
         return bool(leaves.any())
 
     def shut_in(self, rows: Rows, unknowns: Unknowns, lamps: NDArray[np.bool_]) -> Hidden:
@@ -85,7 +85,7 @@ class FieldRows:
         )
         finder.stages.count(found.counters)
         if asked.hidden is not None:
-            hide(found, asked.hidden)
+            hide(found, asked.hidden, np.flatnonzero(changed.again))
         return found
 
     def close_again(

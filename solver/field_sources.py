@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from .budget import Budget
+from .budget import EXACT_AT_SENSORS, Budget
 from .exchange import Scan, make_sources
 from .fineness import Fineness
 from .kernels.pyramid import Blockers
@@ -16,8 +18,13 @@ from .model.scene import SceneData
 from .pane_field import PaneField
 from .sights import with_sights
 from .surfaces import Surfaces
-from .tables import make_facets
+from .tables import make_facets, meridians
 
+if TYPE_CHECKING:
+    from .solved_field import Field
+
+#: Size of sampled cells at sensors against those between surfaces.
+SENSOR_SHARE = 0.1
 #: Exitance of elements told by lines of sight, against the mean of all surfaces.
 BRIGHT = 4.0
 #: Error of factors told by one point against that of other unoccluded factors: it has either sign,
@@ -79,3 +86,25 @@ def sources_of(
     scan = Scan(facets, budget.lines, exact_above, share * budget.eps)
     sources = make_sources(opaque, nets, cell_eps, scan, fineness.dim)
     return sources, panes.lifts(lifts, elements)
+
+
+def sources_at_sensors(field: Field, budget: Budget) -> Sources:
+    """Those of a solved field as sensors see them.
+
+    No average over nodes and bounces hides the sampling of a single sensor.
+    """
+    sources = field.sources
+    fine = sources._replace(
+        cell_eps=sources.cell_eps * SENSOR_SHARE,
+        exact_above=np.where(
+            field.fineness.bright,
+            sources.cell_eps * (EXACT_AT_SENSORS * budget.accuracy / budget.cell_eps),
+            sources.cell_eps * (budget.sensor_exact_above / budget.cell_eps),
+        ),
+        azimuths=meridians(budget.sensor_lines if len(sources.azimuths) else 0),
+        point_from=np.full_like(sources.point_from, np.inf),
+    )
+    if field.surfaces.emission is not None:
+        # Which part of a lamp is hidden counts where its parts differ.
+        fine.exact_above[field.surfaces.emission.element] = 0.0
+    return fine

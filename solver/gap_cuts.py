@@ -96,7 +96,13 @@ class InGaps:
         return float(self.wrong.sum()) / self.allowed if len(self.rows) else 0.0
 
 
-def in_gaps(boxes: Boxes, scene: SceneData, budget: Budget, before: InGaps | None) -> InGaps:
+def in_gaps(
+    boxes: Boxes,
+    scene: SceneData,
+    budget: Budget,
+    before: InGaps | None,
+    caster: RayCaster | None = None,
+) -> InGaps:
     """What ``boxes`` leave of the light in gaps, against what `with_gaps` would.
 
     Parameters
@@ -110,8 +116,10 @@ def in_gaps(boxes: Boxes, scene: SceneData, budget: Budget, before: InGaps | Non
     before : InGaps or None
         Of the same boxes and paint, some parts having stood elsewhere: only boxes that these come
         near are asked again.
+    caster : RayCaster, optional
+        Of the patches without panes; made here where there is none yet.
     """
-    gaps, nets = _Gaps(scene, WIDTH * budget.size), scene.patches.control_points
+    gaps, nets = _Gaps(scene, WIDTH * budget.size, caster), scene.patches.control_points
     rows = gaps.large(boxes)
     own = boxes.take(rows)
     # Of the boxes that it would begin with: fewer are large once they are cut.
@@ -134,10 +142,10 @@ def in_gaps(boxes: Boxes, scene: SceneData, budget: Budget, before: InGaps | Non
 class _Gaps:
     """How much of a box has something close before it."""
 
-    def __init__(self, scene: SceneData, width: float) -> None:
+    def __init__(self, scene: SceneData, width: float, caster: RayCaster | None = None) -> None:
         self.patches: PatchSet = scene.without_panes.patches
         self.width, self.reflectance = width, reflectances(scene)
-        self._caster: RayCaster | None = None
+        self._caster = caster
 
     def large(self, boxes: Boxes) -> IntArray:
         """Rows of the boxes that are asked: those that are large, opaque and not black."""

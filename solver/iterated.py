@@ -75,6 +75,8 @@ class Finer:
         What was not looked at, against what was: the change is that much larger.
     put_right : float
         Largest share of the light of a group of lamps that the nodes had missed, or added.
+    weights : (n,) array
+        Importance of the elements for the sensors, per area; see `weights_at`.
     """
 
     unknowns: Unknowns
@@ -89,6 +91,7 @@ class Finer:
     halved: IntArray
     unseen: float
     put_right: float
+    weights: FloatArray
 
     @property
     def light(self) -> Gathered:
@@ -150,7 +153,7 @@ def finer_light(
     if not len(chosen):
         # Nothing is known of how light varies over elements: by as little as is taken elsewhere.
         least = LEAST * field.unknowns.mean(luminous(field.all_sent))
-        return replace(as_it_is(field), spread=least)
+        return replace(as_it_is(field), spread=least, weights=weights)
     rho, unknowns = field.surfaces.reflectance, field.unknowns
     fine = unknowns.halved(field.surfaces.elements, chosen)
     lift = Lift.of(unknowns, fine, chosen)
@@ -200,6 +203,7 @@ def finer_light(
         halved=chosen,
         unseen=unseen,
         put_right=max(shares),
+        weights=weights,
     )
 
 
@@ -220,6 +224,7 @@ def as_it_is(field: Field) -> Finer:
         halved=np.empty(0, dtype=np.int64),
         unseen=0.0,
         put_right=0.0,
+        weights=np.ones(n),
     )
 
 

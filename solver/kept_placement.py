@@ -55,14 +55,14 @@ def _may_differ(scene: SceneData, tester: Containment, before: FloatArray) -> bo
         return True
     near = NEAR * float(np.linalg.norm(ends[1][1] - ends[1][0]))
     places = places_of(before, nets, dirty, part)
+    # What lies in a part may be far from all of its patches.
     lamps = bounding_spheres(np.ascontiguousarray(nets[lit]))
-    if _near(lamps[:, :3], lamps[:, 3], places.patches, near).any():
+    if _near(lamps[:, :3], lamps[:, 3], places.parts, near).any():
         return True
     points = np.concatenate(
         [np.empty((0, 3)), *(grid.points for grid in scene.sensors)]
         + [np.array([camera.eye]) for camera in scene.cameras]
     )
-    # What lies in a part may be far from all of its patches.
     held = _near(points, np.zeros(len(points)), places.parts, near)
     return bool(held.any() and (tester.parts_at(points[held]) >= 0).any())
 

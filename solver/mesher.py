@@ -12,6 +12,7 @@ from .containment import Containment
 from .gap_cuts import in_gaps, with_gaps
 from .horizon_lines import with_lines
 from .kept_light import KeptLight
+from .kept_mesh import LOOSER, Mesh
 from .kernels.pyramid import Blockers
 from .memory import fits
 from .mesh import Boxes, elements_on
@@ -21,7 +22,7 @@ from .model.scene import SceneData
 from .moved import points_in_new_light
 from .profile_mesh import with_profiles
 from .refinement import Looked, Refiner
-from .reuse import LOOSER, Kept, Mesh, tolerances
+from .reuse import Kept, tolerances
 from .stages import Stages
 from .surfaces import reflectances
 
@@ -168,6 +169,9 @@ class Mesher:
         if not np.array_equal(mesh.nets, now[2]):
             places = refiner.places(mesh.boxes)
             touched = points_in_new_light(self.scene, mesh.nets, mesh.boxes.patch, *places)
+            most = refiner.at_most(mesh.boxes, looked, np.asarray(touched.any(axis=1)))
+            if mesh.still_good(most, budget.misplaced):
+                return most
             looked = refiner.renewed(mesh.boxes, looked, touched)
         return refiner.again(mesh.boxes, looked)
 
@@ -183,7 +187,8 @@ class Mesher:
             if not some.any() or change.max() <= LOOSER * change.min():
                 return False
         of = tolerances(budget), mesh.boxes, reflectances(self.scene)
-        found = in_gaps(mesh.boxes, self.scene, budget, self.kept.of_parts("gaps", of))
+        caster = self._containment.caster_of_all
+        found = in_gaps(mesh.boxes, self.scene, budget, self.kept.of_parts("gaps", of), caster)
         self.kept.keep_of_parts("gaps", of, found)
         return found.left > LOOSER
 

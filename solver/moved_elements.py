@@ -52,9 +52,10 @@ def _renewed(
     for name, array in every.items():
         array[rows] = getattr(part, name)
     nodes, balls = every["nodes"], places_of(nets, now, dirty, patches.part_index).parts
+    contact = mesher.contact
     near = np.zeros(nodes.shape[:2], dtype=bool)
     near[rows] = True
     for ball in balls:
-        near |= np.linalg.norm(nodes - ball[:3], axis=2) <= ball[3] + mesher.contact
+        near |= np.linalg.norm(nodes - ball[:3], axis=2) <= ball[3] + contact
     every["buried"][near] = mesher.buried(nodes[near], every["normals"][near])
     return Elements(**every)

@@ -14,7 +14,9 @@ import numpy as np
 from .errors import InputError
 from .exchange import ROUNDING
 from .field import FieldSolver
+from .field_balance import balance_of
 from .iterated import as_it_is
+from .kept_error import KeptError
 from .mesh import Boxes
 from .mesh_error import MeshError
 from .model.arrays import FloatArray
@@ -23,6 +25,7 @@ from .nn93_field import CornerField, CornerSolver, Eyes
 from .reuse import Kept
 from .row_finder import FINE_SHARE
 from .rule_error import OF_RULES
+from .sensor_results import sensor_result
 from .simulation import Options, Simulation, Solved
 from .solved_field import Field
 from .stages import Stages
@@ -73,7 +76,7 @@ class Nn93Simulation(Simulation):
         field = corners.as_field(found)
         self._corners = len(found.vertices)
         finer = replace(as_it_is(field), shift=_difference(found, rough, coarse))
-        balance = self._balance(field, finer, solver)
+        balance = balance_of(field, finer, solver, self.budget.accuracy)
         error = MeshError(0.0, 0.0)
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
@@ -89,9 +92,10 @@ class Nn93Simulation(Simulation):
                 light, grid, corners.rows(seen), field, finer, self.budget
             )
             rules = (OF_RULES * FINE_SHARE * self.budget.eps + ROUNDING) * light.luminous()
-            sensors[grid.name] = self._sensor_result(k, light, shift + rules)
-            without_mesh[grid.name] = self._sensor_result(k, light, rules)
-        return Solved(field, finer, balance, error, sensors, without_mesh)
+            sensors[grid.name] = sensor_result(self.scene, k, light, shift + rules)
+            without_mesh[grid.name] = sensor_result(self.scene, k, light, rules)
+        nothing = KeptError.none(np.zeros(len(field.surfaces.areas)))
+        return Solved(field, finer, balance, error, nothing, sensors, without_mesh)
 
     def _count(self, field: Field) -> None:
         super()._count(field)

@@ -44,6 +44,8 @@ CUT = 8
 #: Weight of light that the nodes add or lose against light in the wrong place: it is wrong for all
 #: that is lit from there, and at a reflectance of a half what comes of it is twice as much.
 LOST = 2.0
+#: Share of all light that is placed better than what is taken for badly placed.
+OTHERS = 0.95
 #: Rounds of cutting: two find an edge to a 64th of a box.
 ROUNDS = 12
 
@@ -139,6 +141,21 @@ class Refiner:
         wrong, flux = self._judge(boxes, looked)
         self.looked, total = looked, float(flux.sum())
         return float(wrong.sum()) / total if total > 0.0 else 0.0
+
+    def at_most(self, boxes: Boxes, looked: Looked, touched: NDArray[np.bool_]) -> float:
+        """Share of the reflected light misplaced on ``boxes`` that were ``looked`` at before.
+
+        What falls on those that are ``touched`` (n,) is not known any more: it is taken for worse
+        placed than the share `OTHERS` of all light is.
+        """
+        wrong, flux = self._judge(boxes, looked)
+        total, share = float(flux.sum()), wrong / np.maximum(flux, 1e-300)
+        if total <= 0.0:
+            return 0.0
+        order = np.argsort(share, kind="stable")
+        worst = share[order][np.searchsorted(np.cumsum(flux[order]), OTHERS * total)]
+        self.looked = looked
+        return float(wrong[~touched].sum() + worst * flux[touched].sum()) / total
 
     def renewed(self, boxes: Boxes, looked: Looked, touched: NDArray[np.bool_]) -> Looked:
         """What was ``looked`` at on ``boxes``, once more at the ``touched`` (n, 20) of `places`."""

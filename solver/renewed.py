@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrangement import Changed
 from .edges import near_ratio
 from .exchange import COUNTERS, LEVELS, PAIRS_PER_BLOCK, ROWS_PER_BLOCK, Rows
 from .kernels.pyramid import Blockers
@@ -14,7 +15,6 @@ from .kernels.threads import count_threads
 from .model.arrays import MatrixArray
 from .model.scene import SceneData
 from .model.sky import CIESky
-from .moved import Changed
 from .row_finder import Ask
 from .skies import sky_tone
 from .topology import writable

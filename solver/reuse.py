@@ -1,40 +1,39 @@
 """What a run found, kept for later runs of the same process.
 
 Values are kept under a hash of all that they are made of, so that a later run gets what it would
-find itself, to the bit; but for rows renewed in part after moves (`renewed`), which are as good.
+find itself, to the bit; but for rows renewed in part after moves (`renewed`), which are as good,
+and for rows left as they were, whose error is stated (`kept_error`).
 Form factors depend on surfaces, mesh and tolerances, on no paint and no lamp: a scene that is
 painted or dimmed anew needs none, as long as its mesh stays. Where the light of the lamps decides
 on the mesh it would move with every change; so the mesh of the run before is taken again while it
-is good enough for the new light, see `Mesh`.
+is good enough for the new light, see `kept_mesh`.
 """
 
 from __future__ import annotations
 
 import copy
 import dataclasses
-import hashlib
 import itertools
-import threading
-from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .arrangement import Arrangement, Changed
 from .budget import Budget
-from .exchange import OUTSIDE, Rows
-from .fineness import Fineness
-from .memory import available_bytes
-from .mesh import Boxes
-from .model.arrays import FloatArray, IntArray, MatrixArray
+from .change_bounds import Choose, Worth
+from .exchange import Rows
+from .kept_mesh import Mesh
+from .kept_sky import under_sky
+from .model.arrays import FloatArray, MatrixArray
 from .model.scene import SceneData
-from .moved import Arrangement, Changed
-from .refinement import Looked
 from .row_finder import Ask
 from .skies import sky_tone
 from .stages import Stages
+from .stand import History, Stand
+from .store import Store, digest
 from .unknowns import Unknowns
 
 Value = TypeVar("Value")
@@ -42,133 +41,45 @@ RowsAndMore = TypeVar("RowsAndMore", bound=tuple[Any, ...])
 #: Finds anew what has changed of an earlier run's rows; None where that does not do.
 Renew = Callable[[tuple[Any, ...], Changed], RowsAndMore | None]
 
-#: Share of the memory that would be free without it, which the store may take.
-SHARE = 0.2
-#: The same where the system does not tell. [B]
-UNTOLD = 500_000_000
-#: Values that may be added before the system is asked again how much memory is free. [B]
-SMALL = 2_000_000
-#: Misplaced light up to which a mesh is taken again, against what it may have.
-LOOSER = 1.5
-#: Where `sky_tone` has the luminance of a sky.
-LEVEL = 6
 #: Share of the pairs above which rows are found anew as wholes after parts have moved.
 MOST_CHANGED = 0.7
-
-
-class Store:
-    """Values by hash; what was not asked for longest is given up for new ones."""
-
-    def __init__(self) -> None:
-        self._values: OrderedDict[bytes, tuple[Any, int]] = OrderedDict()
-        self._lock = threading.Lock()
-        self.bytes = 0
-        #: What it may take, and what was added since the system was asked. [B]
-        self._allowed, self._unasked = 0, SMALL
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def get(self, key: bytes) -> Any:
-        """The value under ``key``; None where there is none."""
-        with self._lock:
-            if key not in self._values:
-                return None
-            self._values.move_to_end(key)
-            return self._values[key][0]
-
-    def put(self, key: bytes, value: Any) -> None:
-        """Keep ``value``, unless it takes more memory than the store may have."""
-        size = nbytes(value)
-        with self._lock:
-            self.bytes -= self._values.pop(key, (None, 0))[1]
-            room = self._room(size)
-            while self._values and self.bytes + size > room:
-                self.bytes -= self._values.popitem(last=False)[1][1]
-            if size <= room:
-                self._values[key] = value, size
-                self.bytes += size
-
-    def _room(self, size: int) -> int:
-        """What the store may take now; what is small is let in without asking the system. [B]"""
-        self._unasked += size
-        if self._unasked > SMALL or self.bytes + size > self._allowed:
-            free = available_bytes()
-            self._allowed = UNTOLD if free is None else int(SHARE * (free + self.bytes))
-            self._unasked = 0
-        return self._allowed
-
-    def clear(self) -> None:
-        """Free what is kept."""
-        with self._lock:
-            self._values.clear()
-            self.bytes = 0
-
-
-#: What runs of this process share.
-STORE = Store()
 _MARKS = itertools.count()
 
 
-def forget() -> None:
-    """Free all that runs of this process have kept."""
-    STORE.clear()
+class _Known(NamedTuple):
+    """Rows that are in the store."""
+
+    rows: Rows
+    #: Tells them from all others.
+    mark: bytes
+    #: Name of the last rows for the same.
+    where: bytes = b""
+    #: The mark of rows that some of these are, and which are not.
+    source: tuple[bytes, NDArray[np.bool_]] | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
-    """What the light of a run decided on, besides the values it led to.
+class _Found(NamedTuple):
+    """What is in the store of some rows."""
 
-    Attributes
-    ----------
-    boxes : Boxes
-        Of its n elements.
-    misplaced : float
-        Share of the reflected light in the wrong place.
-    looked : Looked or None
-        Light of the lamps on it, where that decided on it.
-    nets : (p, 4, 4, 4) array
-        Control nets of the patches.
-    reflectances : (p, 2) array
-        Luminous reflectances of their sides.
-    lamps : tuple of (p, 2) int array and array
-        Lamp of each side of the patches, and their exitances. [lm/m²]
-    fineness : Fineness
-        Of the elements as sources.
-    halved : (c,) int array
-        Elements on which the light was looked at more closely.
-    converged : bool
-        Whether the accuracy asked for was reached.
-    """
-
-    boxes: Boxes
-    misplaced: float
-    looked: Looked | None
-    nets: FloatArray
-    reflectances: FloatArray
-    lamps: tuple[IntArray, FloatArray]
-    fineness: Fineness
-    halved: IntArray
-    converged: bool
-
-    def still_good(self, misplaced: float, allowed: float) -> bool:
-        """Whether the mesh serves light of which it has the share ``misplaced`` wrong."""
-        return misplaced <= LOOSER * max(allowed, self.misplaced)
-
-    def fine_enough(self, boxes: Boxes, asked: Fineness) -> Fineness:
-        """Its own fineness where that does, else what is asked for."""
-        does = same_boxes(self.boxes, boxes) and self.fineness.does_for(asked)
-        return self.fineness if does else asked
+    found: tuple[Any, ...]
+    tone: FloatArray
+    mark: bytes
+    history: History
+    source: tuple[bytes, NDArray[np.bool_]] | None
 
 
-def same_boxes(one: Boxes, other: Boxes) -> bool:
-    """Whether two meshes have the same elements."""
-    return one is other or (
-        len(one) == len(other)
-        and np.array_equal(one.patch, other.patch)
-        and np.array_equal(one.side, other.side)
-        and np.array_equal(one.ends, other.ends)
-    )
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class OldRows:
+    """Rows that are taken though something has moved since they were found."""
+
+    rows: Rows
+    history: History
+    asked: Ask
+
+    @property
+    def which(self) -> NDArray[np.bool_]:
+        """Which (m,) of them."""
+        return np.asarray(self.history.since < len(self.history.stands) - 1)
 
 
 class Kept:
@@ -189,7 +100,15 @@ class Kept:
         #: How often something of a name was there, or was not.
         self.hits: dict[str, list[int]] = {}
         #: Rows that are in the store, by the identity of their factors, and where they came from.
-        self._from: dict[int, tuple[Rows, bytes]] = {}
+        self._from: dict[int, _Known] = {}
+        #: How elements stand now, by the identity of their nets.
+        self._stands: dict[int, Stand] = {}
+        #: What of the light matters, as a run before this one found it: with it rows may stay.
+        self.worth: Worth | None = None
+        #: Whether all rows are to be as they would be found now.
+        self.exact = False
+        #: Rows that are not, by name.
+        self.old_rows: dict[str, OldRows] = {}
         self._base = self._parts = b""
         if store is not None:
             kinds = [(part.path, part.kind) for part in scene.parts]
@@ -212,7 +131,7 @@ class Kept:
         """
         if self.store is None:
             return make()
-        key = digest(self._base, name, of)
+        key = self._key(name, of)
         found = self.store.get(key)
         self.hits.setdefault(name, [0, 0])[found is None] += 1
         if found is None:
@@ -222,6 +141,9 @@ class Kept:
             return value
         self.stages.warnings.extend(found[1])
         return found[0]  # type: ignore[no-any-return]
+
+    def _key(self, name: str, of: tuple[Any, ...]) -> bytes:
+        return digest(self._base, name, of)
 
     def rows(
         self,
@@ -233,14 +155,17 @@ class Kept:
         renew: Renew[RowsAndMore] | None = None,
         sees_out: Callable[[RowsAndMore], bool] = lambda found: True,
         which: str = "",
+        *,
+        choose: Choose | None = None,
     ) -> RowsAndMore:
         """Rows as ``make`` returns them, first of what may be more.
 
         They depend on what is ``asked`` and on ``more``. What they see of another sky than that
         they were found under is found anew by ``sees_sky``, where it matters. With ``renew`` pairs
-        of an earlier run that moved parts do not touch are kept, see `moved`; it finds the others.
-        ``sees_out`` tells whether light could leave the scene when rows were found, ``which`` sets
-        of rows of one name apart.
+        of an earlier run that moved parts do not touch are kept, see `arrangement`; it finds the
+        others. ``sees_out`` tells whether light could leave the scene when rows were found,
+        ``which`` sets of rows of one name apart. With ``choose`` some may stay as they are
+        although something has moved: they are among `old_rows` then.
         """
         if self.store is None:
             return make()
@@ -248,72 +173,100 @@ class Kept:
         sky = self.scene.sky
         tone = np.empty(0) if sky is None else np.asarray(sky_tone(sky))
         known = None if sees_sky is None else tone
-        of = tolerances(asked.budget)
-        where = digest(self._parts, name, which, of, more)
-        value = self.find(
-            name,
-            (of, *_of_rows(asked), more),
-            lambda: (
-                self._after_moves(where, asked, known, renew, sees_out) or make(),
-                tone,
-                _new_mark(),
-            ),
-        )
-        found: RowsAndMore = value[0]
-        self._mark(found[0], value[2])
+        of = (tolerances(asked.budget), *_of_rows(asked), more)
+        where = digest(self._parts, name, which, of[0], more)
+        stand = self._stand(asked)
+        self.old_rows.pop(name + which, None)
+        history = History.new(stand, len(asked.receivers.nodes))
+
+        def made() -> _Found:
+            return _Found(make(), tone, _new_mark(), history, None)
+
+        def find() -> _Found:
+            last = None if renew is None or self.store is None else self.store.get(where)
+            if last is None or renew is None:
+                return made()
+            how = None if self.exact else choose
+            value = self._after_moves(last, asked, stand, known, renew, sees_out, how)
+            return made() if value is None else value._replace(tone=tone)
+
+        value = self.find(name, of, find)
         there = self.hits.get(name, [0, 0])[0] > before[0]
+        if value.history.is_old and there and self.exact and renew is not None:
+            last = self._arrangement(asked, value)
+            renewed = self._after_moves(last, asked, stand, known, renew, sees_out, None)
+            value = made() if renewed is None else renewed._replace(tone=tone)
+            self.store.put(self._key(name, of), (value, ()))
+            there = False
+        found: RowsAndMore = value.found  # type: ignore[assignment]
+        self._mark(_Known(found[0], value.mark, where, value.source))
+        if value.history.is_old:
+            old = self.old_rows[name + which] = OldRows(found[0], value.history, asked)
+            self.stages.count({"rows_left": int(old.which.sum())})
         if there:
             self._count(len(found[0].factors), found[0].factors.size)
-        if there and sees_sky is not None and not np.array_equal(value[1], tone):
-            find = sees_sky
+        if there and sees_sky is not None and not np.array_equal(value.tone, tone):
+            look = sees_sky
 
-            def look(some: Ask) -> Rows:
+            def seen(some: Ask) -> Rows:
                 self.hits[name][1] += 1
-                return find(some)
+                return look(some)
 
-            out: Any = (under_sky(found[0], value[1], tone, asked, look), *found[1:])
+            out: Any = (under_sky(found[0], value.tone, tone, asked, seen), *found[1:])
             found = out
         if renew is not None:
-            nets = self.scene.patches.control_points
-            self.store.put(where, Arrangement.of(nets, asked, found, tone))
+            self.store.put(where, self._arrangement(asked, value._replace(found=found, tone=tone)))
         return found
+
+    def _arrangement(self, asked: Ask, value: _Found) -> Arrangement:
+        return Arrangement.of(value.history, asked, value.found, value.tone, value.mark)
+
+    def _stand(self, asked: Ask) -> Stand:
+        """How surfaces and elements stand now."""
+        stand, nets = self._stands.get(id(asked.sources.nets)), self.scene.patches.control_points
+        if stand is None:
+            stand = self._stands[id(asked.sources.nets)] = Stand.of(nets, asked.sources)
+        return stand
 
     def _count(self, rows: int, pairs: int) -> None:
         self.stages.count({"rows_reused": rows, "pairs_reused": pairs})
 
     def _after_moves(
         self,
-        where: bytes,
+        before: Arrangement,
         asked: Ask,
+        stand: Stand,
         tone: FloatArray | None,
-        renew: Renew[RowsAndMore] | None,
+        renew: Renew[RowsAndMore],
         sees_out: Callable[[RowsAndMore], bool],
-    ) -> RowsAndMore | None:
+        choose: Choose | None,
+    ) -> _Found | None:
         """Rows of an earlier run whose parts stood elsewhere, put right; None where all are new.
 
         Where they know of the sky, it must be of the same ``tone``.
         """
-        before = None if renew is None or self.store is None else self.store.get(where)
-        if before is None or renew is None:
-            return None
         if tone is not None and not np.array_equal(before.tone, tone):
             return None
-        out = sees_out(before.found)
-        changed = before.changed(self.scene.patches, asked, sees_out=out)
+        out = sees_out(before.found)  # type: ignore[arg-type]
+        changed = before.changed(
+            self.scene.patches, asked, stand, sees_out=out, worth=self.worth, choose=choose
+        )
         if changed is None:
             return None
         pairs = int(changed.pairs.sum())
         if pairs > MOST_CHANGED * changed.pairs.size:
             return None
         found = renew(before.found, changed)
-        if found is not None:
-            self._count(int((~changed.again).sum()), changed.pairs.size - pairs)
-            self.stages.count({"pairs_renewed": pairs})
-        return found
+        if found is None:
+            return None
+        self._count(int((~changed.again).sum()), changed.pairs.size - pairs)
+        self.stages.count({"pairs_renewed": pairs})
+        source = before.mark, changed.again
+        return _Found(found, before.tone, _new_mark(), changed.history, source)
 
-    def _mark(self, rows: Rows, mark: bytes) -> None:
+    def _mark(self, known: _Known) -> None:
         if self.store is not None:
-            self._from[id(rows.factors)] = rows, mark
+            self._from[id(known.rows.factors)] = known
 
     def of_rows(
         self, name: str, rows: Rows, of: tuple[Any, ...], make: Callable[[], Value]
@@ -325,9 +278,9 @@ class Kept:
         known = self._from.get(id(rows.factors))
         if known is None:
             return make()
-        found, mark = self.find(name, (known[1], of), lambda: (make(), _new_mark()))
+        found, mark = self.find(name, (known.mark, of), lambda: (make(), _new_mark()))
         if isinstance(found, Rows):
-            self._mark(found, mark)
+            self._mark(_Known(found, mark))
         return found
 
     def factors(self, unknowns: Unknowns, rows: Rows, asked: Ask) -> MatrixArray:
@@ -335,8 +288,38 @@ class Kept:
         how = asked.receivers, asked.sources, asked.budget.moments
         if not isinstance(rows.factors, np.ndarray) or unknowns.basis is None:
             return unknowns.factors(rows, *how)
+        name = "factors of nodes"
         of = (unknowns.element, unknowns.areas, unknowns.basis.pieces)
-        return self.of_rows("factors of nodes", rows, of, lambda: unknowns.factors(rows, *how))
+        known = self._from.get(id(rows.factors))
+
+        def find() -> MatrixArray:
+            before = None if known is None else self._of_source(known, unknowns)
+            if before is None or known is None or known.source is None:
+                return unknowns.factors(rows, *how)
+            again = np.flatnonzero(known.source[1])
+            some = asked.taken(again)
+            found = before.copy()
+            found[again] = unknowns.factors(rows.take(again), some.receivers, *how[1:])
+            return found
+
+        found = self.of_rows(name, rows, of, find)
+        if known is not None and self.store is not None and known.where:
+            key = self._key(name, (known.mark, of))
+            self.store.put(known.where + b"nodes", (known.mark, of[::2], key))
+        return found
+
+    def _of_source(self, known: _Known, unknowns: Unknowns) -> MatrixArray | None:
+        """Factors of the unknowns in the rows that most of ``known`` ones were taken from."""
+        last = None if self.store is None else self.store.get(known.where + b"nodes")
+        if last is None or known.source is None or last[0] != known.source[0]:
+            return None
+        element, pieces = last[1]
+        assert self.store is not None and unknowns.basis is not None
+        same = np.array_equal(element, unknowns.element)
+        if not same or not np.array_equal(pieces, unknowns.basis.pieces):
+            return None
+        found = self.store.get(last[2])
+        return None if found is None else found[0][0]  # type: ignore[no-any-return]
 
     def gather(self, unknowns: Unknowns, rows: Rows, asked: Ask, light: FloatArray) -> FloatArray:
         """Light (m, b) that receivers get when the unknowns are ``light`` (N, b)."""
@@ -395,71 +378,3 @@ def tolerances(budget: Budget) -> Budget:
 
 def _of_rows(asked: Ask) -> tuple[Any, ...]:
     return asked.receivers, asked.sources, asked.lifts, asked.share, asked.first, asked.hidden
-
-
-def under_sky(
-    rows: Rows,
-    known: FloatArray,
-    tone: FloatArray,
-    asked: Ask,
-    find: Callable[[Ask], Rows],
-) -> Rows:
-    """The same rows under another sky, given what kernels need of both (10,), (0,) of none.
-
-    Of another luminance of the same sky they see as much; of another one the rows that see any are
-    found once more, for its light alone.
-    """
-    outside = rows.outside.copy()
-    seen = np.flatnonzero(outside[:, 1] > OUTSIDE)
-    if not len(tone) or not len(seen):
-        return dataclasses.replace(rows, outside=outside)
-    same = len(known) and np.array_equal(np.delete(known, LEVEL), np.delete(tone, LEVEL))
-    if same and known[LEVEL] > 0.0:
-        outside[:, [0, 3]] *= (tone[LEVEL] / known[LEVEL]) ** np.array([1, 2])
-    else:
-        new = find(asked.taken(seen)).outside
-        # Slivers are as bright as what others see.
-        bright = float(new[:, 0].sum()) / max(float(new[:, 1].sum()), 1e-300)
-        outside[:, 0] = bright * outside[:, 1]
-        share = outside[seen, 1] / np.where(new[:, 1] > 0.0, new[:, 1], 1.0)
-        outside[seen, 0], outside[seen, 3] = share * new[:, 0], share**2 * new[:, 3]
-    return dataclasses.replace(rows, outside=outside)
-
-
-def digest(*values: Any) -> bytes:
-    """Hash of numbers, names, arrays, and of tuples and dataclasses of them."""
-    sha = hashlib.sha256()
-    for value in values:
-        _feed(sha, value)
-    return sha.digest()
-
-
-def _feed(sha: Any, value: Any) -> None:
-    if isinstance(value, np.ndarray):
-        sha.update(f"{value.dtype.str}{value.shape}".encode())
-        sha.update(np.ascontiguousarray(value).data.cast("B") if value.size else b"")
-    elif isinstance(value, (tuple, list)):
-        sha.update(f"({len(value)}".encode())
-        for item in value:
-            _feed(sha, item)
-    elif dataclasses.is_dataclass(value):
-        sha.update(type(value).__name__.encode())
-        for item in dataclasses.fields(value):
-            _feed(sha, getattr(value, item.name))
-    elif isinstance(value, bytes):
-        sha.update(b"b%d" % len(value) + value)
-    elif value is None or isinstance(value, (str, int, float, np.generic)):
-        sha.update(f"{value!r};".encode())
-    else:
-        raise TypeError(f"{type(value).__name__}: has no hash by content")
-
-
-def nbytes(value: Any) -> int:
-    """Memory that the arrays in tuples and dataclasses take. [B]"""
-    if isinstance(value, np.ndarray):
-        return int(value.nbytes)
-    if isinstance(value, (tuple, list)):
-        return sum(nbytes(item) for item in value)
-    if dataclasses.is_dataclass(value):
-        return sum(nbytes(getattr(value, item.name)) for item in dataclasses.fields(value))
-    return 0

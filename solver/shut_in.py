@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from .exchange import OUTSIDE, Rows, products
 from .kernels.closure import sum_rows
+from .model.arrays import IntArray
 from .unknowns import Unknowns
 
 #: Elements that no light reaches, if there are any.
@@ -79,16 +80,21 @@ def _lit_by_small(rows: Rows, unknowns: Unknowns, lit: NDArray[np.bool_]) -> NDA
     return ~lit & (unknowns.mean(products(rows.factors, sending.astype(np.float64))) > 0.0)
 
 
-def hide(rows: Rows, hidden: NDArray[np.bool_]) -> None:
-    """Let ``rows`` see nothing of ``hidden`` (n,) elements, in place.
+def hide(rows: Rows, hidden: NDArray[np.bool_], at: IntArray | None = None) -> None:
+    """Let ``rows``, or those ``at`` (k,), see nothing of ``hidden`` (n,) elements, in place.
 
     Those that see more of it than a mistake gives are before it or inside, and stay.
     """
+    if at is not None:
+        some = rows.take(at)
+        hide(some, hidden)
+        rows.put(at, some)
+        return
     open_ = products(rows.factors, (~hidden).astype(np.float64))
-    some = np.flatnonzero(open_ > (1.0 - MISTAKEN) * rows.sums[:, 0])
-    at = np.ix_(some, np.flatnonzero(hidden))
-    rows.factors[at] = 0.0
-    rows.variances[at] = 0.0
+    seen = np.flatnonzero(open_ > (1.0 - MISTAKEN) * rows.sums[:, 0])
+    pairs = np.ix_(seen, np.flatnonzero(hidden))
+    rows.factors[pairs] = 0.0
+    rows.variances[pairs] = 0.0
     sum_rows(rows.factors, rows.variances, rows.sums)
 
 

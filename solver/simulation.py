@@ -6,32 +6,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .budget import BASES, Budget, most_varying, scene_bytes
+from .budget import BASES, Budget, by_factors_alone, most_varying, scene_bytes
+from .change_bounds import Worth
 from .containment import Containment
 from .effort import check_effort
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
 from .field import FieldSolver
+from .field_balance import balance_of
 from .incident import Gathered
 from .iterated import Finer
+from .kept_error import KeptError, kept_error
+from .kept_mesh import Mesh
 from .kept_placement import placement_remarks
-from .kernels.pyramid import Blockers
-from .ledger import ledger_warning, make_balance
+from .ledger import ledger_warning
 from .memory import check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
 from .model.arrays import FloatArray
 from .model.reached import accuracies_reached, accuracy_message
-from .model.result import Balance, CameraImage, Result, SensorResult, luminous
+from .model.result import Balance, Result, SensorResult, luminous
 from .model.scene import SceneData
 from .moved_blockers import kept_blockers
-from .reuse import STORE, Kept, Mesh, forget
+from .pictures import render_all
+from .reuse import Kept, tolerances
 from .rule_error import OF_RULES
-from .skies import horizontal_illuminance
+from .sensor_results import sensor_result
+from .skipped import not_needed
 from .solved_field import Field
 from .stages import Progress, Stages
+from .store import STORE, forget
 from .surfaces import reflectances
-from .topology import is_single
 
 #: How often the mesh is cut further where the accuracy asked for is not reached.
 REFINEMENTS = 3
@@ -142,6 +147,7 @@ class Solved:
     finer: Finer
     balance: Balance
     error: MeshError
+    kept: KeptError
     sensors: dict[str, SensorResult]
     without_mesh: dict[str, SensorResult]
 
@@ -224,7 +230,7 @@ class Simulation:
             blockers = kept_blockers(kept, *solids)
             tester = Containment(scene, blockers)
             stages.warnings.extend(placement_remarks(scene, tester, kept))
-        self._say_skipped(blockers)
+        stages.skipped.update(not_needed(scene, blockers, self.visibility))
         told, elements = self.budget.basis, self.budget.elements
         if told != self.basis and elements <= most_varying(self.basis) and not self._scatters:
             stages.warnings.append(
@@ -240,14 +246,14 @@ class Simulation:
         field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
         light = finer.light
-        images = self._images(field, finer, solver)
+        images = render_all(field, finer, solver, self.budget)
         self._warn_dark(sensors, light.luminous())
         stages.warnings.extend(ledger_warning(solved.balance))
         converged = self._converged(sensors)
         if not converged:
             stages.warnings.append(accuracy_message(sensors, self.budget.accuracy))
         self._keep_mesh(solver, kept, solved, converged=converged)
-        on_elements = solved.error.of(light, doubt_on(field, finer))
+        on_elements = solved.error.of(light, doubt_on(field, finer)) + solved.kept.elements
         return Result(
             scene=scene,
             elements=field.surfaces.elements,
@@ -353,133 +359,53 @@ class Simulation:
 
     def _on(self, solver: FieldSolver, boxes: Boxes) -> Solved:
         """Light on one mesh, and at the sensors."""
+        kept, of = solver.kept, (tolerances(self.budget), boxes)
+        # Bounds of what old rows have wrong are known where all light passes by form factors.
+        lit = self.scene.sky is not None or self.scene.sun is not None
+        kept.exact = lit or not by_factors_alone(self.scene)
+        kept.worth = kept.of_parts("worth", of)
+        solved = self._with_rows(solver, boxes)
+        light = [one.illuminance_lx for one in solved.sensors.values()]
+        if not solved.kept.is_within(self.budget.accuracy, light):
+            kept.exact = True
+            solved = self._with_rows(solver, boxes)
+        if kept.old_rows:
+            most = max((float(lux.max()) for lux in solved.kept.sensors if len(lux)), default=0.0)
+            self.stages.figures["error_of_rows_left_lx"] = most
+        if self.store is not None:
+            kept.keep_of_parts("worth", of, self._worth(solved))
+        return solved
+
+    def _worth(self, solved: Solved) -> Worth:
+        """What of the light matters, for a run after this one."""
+        field = solved.field
+        return Worth.of(
+            luminous(field.exitance_told),
+            solved.finer.weights,
+            field.surfaces.reflectance.max(axis=1),
+            field.surfaces.areas,
+            {name: one.illuminance_lx for name, one in solved.sensors.items()},
+            self.budget.accuracy,
+        )
+
+    def _with_rows(self, solver: FieldSolver, boxes: Boxes) -> Solved:
+        """The same, old rows being taken as far as `Kept` allows."""
         budget = self.budget
         field = solver.solve(budget, boxes)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
         finer = solver.finer(field, budget, seen)
-        balance = self._balance(field, finer, solver)
+        balance = balance_of(field, finer, solver, self.budget.accuracy)
         unseen = budget.unseen(finer.unseen)
         error = MeshError.of_finer(finer, abs(balance.residual_fraction), unseen)
+        names = [grid.name for grid in self.scene.sensors]
+        kept = kept_error(field, finer, solver.kept, dict(zip(names, seen, strict=True)))
         sensors, without_mesh = {}, {}
         for k, grid in enumerate(self.scene.sensors):
             gathered, doubt, rules = solver.gather(grid, seen[k], field, finer)
-            mesh = error.of(gathered, doubt)
-            sensors[grid.name] = self._sensor_result(k, gathered, mesh + rules)
-            without_mesh[grid.name] = self._sensor_result(k, gathered, rules)
-        return Solved(field, finer, balance, error, sensors, without_mesh)
-
-    def _sensor_result(self, index: int, gathered: Gathered, more: FloatArray) -> SensorResult:
-        """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]"""
-        grid = self.scene.sensors[index]
-        components = {name: luminous(v) for name, v in gathered.components.items()}
-        return SensorResult(
-            name=grid.name,
-            points=grid.points,
-            normals=grid.normals,
-            area_m2=grid.area_m2,
-            illuminance_lx=gathered.luminous(),
-            error_lx=more + 2.0 * gathered.deviation,
-            components=components,
-            daylight_factor=self._daylight_factor(components),
-            outline=grid.outline,
-        )
-
-    def _balance(self, field: Field, finer: Finer, solver: FieldSolver) -> Balance:
-        surfaces, of = field.surfaces, finer.unknowns.element
-        lamps = {f"{group}.direct" for group in solver.lamp_groups}
-        nothing = np.zeros((len(of), solver.bands))
-        entered = [
-            values
-            for name, values in finer.arriving.components.items()
-            if name.endswith(".direct") and name not in lamps
-        ]
-        balance = make_balance(
-            self.scene,
-            finer.unknowns.areas,
-            finer.kept,
-            surfaces.reflectance[of],
-            surfaces.diffuse_at(finer.unknowns),
-            np.asarray(sum(finer.sent.values(), nothing)),
-            np.asarray(sum(finer.arriving.components.values(), nothing)),
-            np.asarray(sum(entered, nothing)),
-            surfaces.material[of],
-            np.where(surfaces.web, -1, surfaces.lamp)[of],
-            solver.mirrors.share_of(surfaces)[of],
-        )
-        balance = solver.panes.in_ledger(
-            balance,
-            surfaces,
-            lambda rows: field.unknowns.of_whole(field.system.factors, rows),
-            surfaces.diffuse + finer.reflected,
-            finer.light.components,
-        )
-        return solver.webs.in_ledger(balance, surfaces, self.budget.accuracy, field.sees_out)
-
-    def _say_skipped(self, blockers: Blockers) -> None:
-        scene, skipped = self.scene, self.stages.skipped
-        clear = scene.opaque_count < len(scene.patches)
-        if self.visibility == "none":
-            skipped["visibility"] = "switched off"
-        elif clear:
-            pass  # light from outside comes past the edges of panes
-        elif is_single(blockers, blockers.hollow):
-            skipped["visibility"] = "one convex cavity: nothing can hide anything"
-        elif is_single(blockers, blockers.bulging) and not scene.sensors:
-            skipped["visibility"] = "one convex body: nothing can hide anything"
-        if scene.is_grey:
-            skipped["colour"] = "every material is grey: one band"
-        if not clear:
-            off = self.visibility == "none"
-            skipped["glass"] = "switched off" if off else "nothing is seen through"
-        if not scene.luminaires:
-            skipped["electric light"] = "no luminaires"
-        if scene.sky is None:
-            skipped["sky"] = "no sky"
-        if scene.sun is None:
-            skipped["sun"] = "no sun"
-        if not scene.cameras:
-            skipped["images"] = "no cameras"
-        if not scene.sensors:
-            skipped["sensors"] = "no sensor grids"
-
-    def _daylight_factor(self, components: dict[str, FloatArray]) -> FloatArray | None:
-        """Share (m,) of the unobstructed sky's horizontal illuminance, under type 1 or 16 only.
-
-        None under a sky without light.
-        """
-        sky = self.scene.sky
-        if sky is None or not sky.of_daylight_factors or self.scene.sun is not None:
-            return None
-        unobstructed = horizontal_illuminance(sky)
-        if unobstructed <= 0.0:
-            return None
-        daylight = [
-            values
-            for name, values in components.items()
-            if name.rsplit(".", 1)[0] in ("sky", "ground")
-        ]
-        return np.asarray(sum(daylight) / unobstructed)
-
-    def _images(self, field: Field, finer: Finer, solver: FieldSolver) -> dict[str, CameraImage]:
-        if not self.scene.cameras:
-            return {}
-        from .camera import Renderer
-
-        images = {}
-        with self.stages.run("images") as tell:
-            renderer = Renderer(
-                self.scene,
-                field.surfaces.elements,
-                reflected=finer.reflected,
-                emitted=field.surfaces.diffuse_at_corners,
-                irradiance=finer.light.luminous(),
-                webs=solver.webs.lamps(self.budget.accuracy),
-                second=solver.highlights.for_pictures(field.surfaces, finer, self.budget),
-            )
-            for k, camera in enumerate(self.scene.cameras):
-                images[camera.name] = renderer.render(camera)
-                tell(k + 1, len(self.scene.cameras))
-        return images
+            mesh, rest = error.of(gathered, doubt), rules + kept.sensors[k]
+            sensors[grid.name] = sensor_result(self.scene, k, gathered, mesh + rest)
+            without_mesh[grid.name] = sensor_result(self.scene, k, gathered, rest)
+        return Solved(field, finer, balance, error, kept, sensors, without_mesh)
 
     def _warn_dark(self, sensors: dict[str, SensorResult], irradiance: FloatArray) -> None:
         warnings = self.stages.warnings

@@ -83,6 +83,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def nothing_kept_between_tests():
     """What a test counts must not depend on the tests before it."""
     yield
-    reuse = sys.modules.get("patchlight.solver.reuse")
-    if reuse is not None:
-        reuse.forget()
+    store = sys.modules.get("patchlight.solver.store")
+    if store is not None:
+        store.forget()

@@ -75,7 +75,7 @@ def meets(x, y, z, sphere, plane, ball, more):
 
 
 @lean
-def _before(x, y, z, normal, ball, more):
+def is_before(x, y, z, normal, ball, more):
     """Whether any of a ball, grown by ``more``, is before the plane of a receiver."""
     bx, by, bz = ball[0] - x, ball[1] - y, ball[2] - z
     return normal[0] * bx + normal[1] * by + normal[2] * bz + ball[3] + more > 0.0
@@ -104,7 +104,7 @@ def _beside(x, y, z, plane, corners, ball, more):
 
 
 @lean
-def _find_near(x, y, z, ball, more, spheres, near):
+def find_near(x, y, z, ball, more, spheres, near):
     """Mark in ``near`` (n,) the elements that may meet a ball; nearly all do not.
 
     As `meets`, with a cylinder in place of the cone.
@@ -123,7 +123,22 @@ def _find_near(x, y, z, ball, more, spheres, near):
 
 
 @lean
-def _meets_parts(x, y, z, normal, more, seen, j, places, whole):
+def meets_parts(x, y, z, normal, more, seen, j, places, whole):
+    """Whether any part of a ``whole`` place may reach into the shaft to element ``j``."""
+    sphere, plane, corners = seen.spheres[:, j], seen.planes[j], seen.corners[j]
+    for h in range(places.whole_ranges[whole, 0], places.whole_ranges[whole, 1]):
+        ball = places.parts[h]
+        if not is_before(x, y, z, normal, ball, more) or not meets(
+            x, y, z, sphere, plane, ball, more
+        ):
+            continue
+        if not _beside(x, y, z, plane, corners, ball, more):
+            return True
+    return False
+
+
+@lean
+def _meets_patches(x, y, z, normal, more, seen, j, places, whole):
     """Whether any patch of a ``whole`` place reaches into the shaft to element ``j``."""
     sphere, plane, corners = seen.spheres[:, j], seen.planes[j], seen.corners[j]
     for h in range(places.whole_ranges[whole, 0], places.whole_ranges[whole, 1]):
@@ -133,7 +148,7 @@ def _meets_parts(x, y, z, normal, more, seen, j, places, whole):
             continue
         for b in range(places.part_ranges[h, 0], places.part_ranges[h, 1]):
             ball = places.patches[b]
-            if not _before(x, y, z, normal, ball, more):
+            if not is_before(x, y, z, normal, ball, more):
                 continue
             if not meets(x, y, z, sphere, plane, ball, more):
                 continue
@@ -162,11 +177,11 @@ def find_touched_points(points, normals, seen, places, touched):
         near = np.empty(seen.spheres.shape[1], dtype=np.bool_)
         for w in range(places.wholes.shape[0]):
             ball = places.wholes[w]
-            if touched[i] or not _before(x, y, z, normals[i], ball, 0.0):
+            if touched[i] or not is_before(x, y, z, normals[i], ball, 0.0):
                 continue
-            _find_near(x, y, z, ball, 0.0, seen.spheres, near)
+            find_near(x, y, z, ball, 0.0, seen.spheres, near)
             for j in range(near.shape[0]):
-                if near[j] and _meets_parts(x, y, z, normals[i], 0.0, seen, j, places, w):
+                if near[j] and _meets_patches(x, y, z, normals[i], 0.0, seen, j, places, w):
                     touched[i] = True
                     break
 
@@ -206,19 +221,19 @@ def find_touched_pairs(nodes, normals, lifts, factors, seen, places, open_rows, 
             normal = normals[i, q]
             if open_rows[i]:
                 for b in range(places.patches.shape[0]):
-                    some |= _before(x, y, z, normal, places.patches[b], more)
+                    some |= is_before(x, y, z, normal, places.patches[b], more)
             for w in range(places.wholes.shape[0]):
                 ball = places.wholes[w]
-                if not _before(x, y, z, normal, ball, more):
+                if not is_before(x, y, z, normal, ball, more):
                     continue
-                _find_near(x, y, z, ball, more, seen.spheres, near)
+                find_near(x, y, z, ball, more, seen.spheres, near)
                 for j in range(factors.shape[1]):
                     if not near[j]:
                         continue
                     in_sight = factors[i, j] > 0.0
                     if touched[i, j] and (some or not in_sight):
                         continue
-                    if _meets_parts(x, y, z, normal, more, seen, j, places, w):
+                    if _meets_patches(x, y, z, normal, more, seen, j, places, w):
                         touched[i, j] = True
                         some |= in_sight
         again[i] = some

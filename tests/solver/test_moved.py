@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.solver import gap_cuts, moved, reuse
+from patchlight.solver import arrangement, gap_cuts, reuse, store
 from patchlight.solver.budget import Budget
 from patchlight.solver.containment import Containment
 from patchlight.solver.field_rows import FieldRows
@@ -27,9 +27,9 @@ POINTS = [(x, y, 0.8) for x in (-1.2, 1.3) for y in (-1.7, 1.8)]
 
 @pytest.fixture(autouse=True)
 def nothing_kept():
-    reuse.forget()
+    store.forget()
     yield
-    reuse.forget()
+    store.forget()
 
 
 def room(*at, points=POINTS, seats=True, screen=False):
@@ -97,14 +97,14 @@ def test_only_what_is_in_view_is_scanned_and_nothing_is_lost(monkeypatch):
     after = room(SECOND)
     run(room(FIRST))
     narrow = run(after)
-    real = moved.Arrangement.changed
+    real = arrangement.Arrangement.changed
 
-    def everywhere(self, patches, asked, *, sees_out):
-        found = real(self, patches, asked, sees_out=sees_out)
+    def everywhere(self, patches, asked, stand, **how):
+        found = real(self, patches, asked, stand, **how)
         return found and dataclasses.replace(found, whole=np.ones_like(found.whole))
 
-    monkeypatch.setattr(moved.Arrangement, "changed", everywhere)
-    reuse.forget()
+    monkeypatch.setattr(arrangement.Arrangement, "changed", everywhere)
+    store.forget()
     run(room(FIRST))
     wide = run(after)
     assert narrow.counters["pairs_renewed"] == wide.counters["pairs_renewed"] > 0
@@ -152,7 +152,7 @@ def test_blockers_are_those_that_are_made_anew():
     before, after = room(FIRST, SECOND), room(FIRST, (-0.6, -0.9, 0.3))
     found = [
         kept_blockers(
-            reuse.Kept(made, stages=Stages(), store=reuse.STORE),
+            reuse.Kept(made, stages=Stages(), store=store.STORE),
             made.patches,
             made.closed,
             made.patches.part_index,
@@ -165,9 +165,9 @@ def test_blockers_are_those_that_are_made_anew():
     assert not np.array_equal(found[0].nets, found[1].nets)
 
 
-def mesher_of(made, store):
+def mesher_of(made, kept_in):
     blockers = make_blockers(made.patches, made.closed, made.patches.part_index)
-    kept = reuse.Kept(made, stages=Stages(), store=store)
+    kept = reuse.Kept(made, stages=Stages(), store=kept_in)
     return Mesher(
         made, blockers, trace=True, stages=kept.stages, tester=Containment(made), kept=kept
     )
@@ -180,7 +180,7 @@ def test_elements_are_those_that_are_made_anew(height):
     budget = Budget.of(before, ACCURACY)
     boxes = Boxes.regular(budget.divisions, before.two_sided)
     for made in (before, after):
-        mesher = mesher_of(made, reuse.STORE)
+        mesher = mesher_of(made, store.STORE)
         found = kept_elements(mesher.kept, mesher, budget, boxes)
     own = mesher_of(after, None).elements(budget, boxes)
     for one in dataclasses.fields(own):
