@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 from patchlight.solver.errors import GeometryError
-from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .arcs import Arc
 from .cells import Cell, quality, samples_of
@@ -132,8 +132,8 @@ def _halve(loops: list[Loop], bad: set[int]) -> list[Loop]:
 def _offenders(loops: list[Loop]) -> set[int]:
     """Curved arcs whose chord crosses another chord or has a foreign vertex between."""
     arcs = [a for loop in loops for a in loop]
-    p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
-    hit = crossings(p, q)
+    p, after = _vertices(loops)
+    hit = crossings(p, p[after])
     bad = {id(a) for a, h in zip(arcs, hit, strict=True) if h and not a.straight}
     curved = np.array([k for k, a in enumerate(arcs) if not a.straight], dtype=np.int64)
     if not len(curved):
@@ -143,7 +143,8 @@ def _offenders(loops: list[Loop]) -> set[int]:
     # Only arcs with a foreign vertex in their box are looked at one by one.
     margin = 1e-7 * (high - low).max(axis=1)
     k, v = overlapping(low, high, p, p)
-    foreign = np.ones(len(k), dtype=bool)
+    # Arcs may end a little beside the start of the next one, however short they are.
+    foreign = (v != curved[k]) & (v != after[curved[k]])
     for end in (samples[:, 0], samples[:, -1]):
         foreign &= np.abs(p[v] - end[k]).max(axis=1) > margin[k]
     k, v = k[foreign], v[foreign]
@@ -264,7 +265,16 @@ def _split_up(loop: Loop) -> Loop:
     return loop
 
 
+def _vertices(loops: list[Loop]) -> tuple[FloatArray, IntArray]:
+    """Starts (n, 2) of all arcs, and the number (n,) of the arc that follows each one."""
+    points = np.array([a.start for loop in loops for a in loop])
+    after, base = [], 0
+    for loop in loops:
+        after += [*range(base + 1, base + len(loop)), base]
+        base += len(loop)
+    return points, np.array(after)
+
+
 def _clean(loops: list[Loop]) -> bool:
-    arcs = [a for loop in loops for a in loop]
-    p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
-    return not crossings(p, q).any()
+    p, after = _vertices(loops)
+    return not crossings(p, p[after]).any()
