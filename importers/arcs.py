@@ -132,6 +132,14 @@ class NetArc(Arc):
             out.append(NetArc(both[:, 2:], flat, self.edge, self.straight, self.exact))
         return out[0], out[1]
 
+    def cut(self, shares: list[float]) -> list[NetArc]:
+        """A straight arc cut at ``shares`` of its length."""
+        out = []
+        for a, b in itertools.pairwise([0.0, *shares, 1.0]):
+            m = split_matrix(a, b)
+            out.append(NetArc(m @ self.net, m @ self.flat, self.edge, True, self.exact))
+        return out
+
 
 @dataclass(slots=True)
 class EdgeSide:

@@ -19,6 +19,7 @@ from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
 from . import kept_parts, moments
 from .convert import AREA_LIMIT, FacePatches, check_area, convert_faces
 from .extract import Extractor, faces_of
+from .free_edges import free_lengths
 from .occurrences import Body, Looks
 from .orientation import Senses, flips
 from .plausible import size_warnings
@@ -126,8 +127,8 @@ def _convert(shape: Any, kind: str, options: Options) -> tuple[Converted, list[S
             for raw, face in zip(raws, faces, strict=True):
                 check_area(raw, face)
         spent = time.perf_counter() - start if options.check_areas else 0.0
-    for face in faces:
-        face.domain = None
+    for face, free in zip(faces, free_lengths(raws, tolerance), strict=True):
+        face.domain, face.free_edge = None, free
     senses = [
         [(u.edge.index, u.reversed ^ raw.reversed) for uses in raw.loops for u in uses]
         for raw in raws
@@ -228,8 +229,9 @@ def assemble(
                     part=row, number=number, kind=face.kind, exact=face.exact,
                     patches=len(face.nets), deviation_m=face.deviation * length,
                     angle_deg=face.angle_deg, area_m2=face.area * area_factor,
-                    area_error=face.area_error, gap_m=face.gap * length, reason=face.reason,
-                    name=looks.name, color=looks.color,
+                    area_error=face.area_error, gap_m=face.gap * length,
+                    free_edge_m=face.free_edge * length, reason=face.reason, name=looks.name,
+                    color=looks.color,
                 )
             )  # fmt: skip
         edge_base += found.edge_count
@@ -252,9 +254,8 @@ def assemble(
             f"{sum(found.seconds for found in cached):.3g} s to convert at first"
         )
     patches = PatchSet.concatenated(*sets)
-    warnings = size_warnings(name, parts, patches, from_file=source != "cadquery") + _failures(
-        parts, faces
-    )
+    warnings = size_warnings(name, parts, patches, from_file=source != "cadquery")
+    warnings += _failures(parts, faces) + _open(parts, faces)
     certificate = Certificate(
         tuple(faces), tuple(p.path for p in parts),
         time.perf_counter() - started - area_seconds, tuple(notes), read - started, area_seconds,
@@ -278,6 +279,20 @@ def _inner_looks(body: Body, shapes: list[Any]) -> list[Looks]:
         k = index.FindIndex(shape)
         if k:
             out[k - 1] = looks
+    return out
+
+
+def _open(parts: list[Part], faces: list[Face]) -> list[str]:
+    """One line for each solid with edges at which nothing goes on."""
+    out = []
+    for row, part in enumerate(parts):
+        own = [f for f in faces if f.part == row and f.free_edge_m > 0.0]
+        if part.kind == "solid" and own:
+            out.append(
+                f"{part.path} is no closed solid: {len(own)} of its faces have free edges, "
+                f"{sum(f.free_edge_m for f in own):.3g} m in all, the first #{own[0].number} "
+                f"({own[0].kind}, {own[0].free_edge_m:.3g} m)"
+            )
     return out
 
 

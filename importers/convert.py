@@ -52,6 +52,7 @@ class FacePatches:
     gap: float = 0.0
     area: float = 0.0
     area_error: float = float("nan")
+    free_edge: float = 0.0
     reason: str = ""
     #: What the area is checked against, until it is.
     domain: Domain | None = None

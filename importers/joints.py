@@ -14,18 +14,25 @@ from patchlight.solver.model.arrays import FloatArray, IntArray
 from patchlight.solver.model.bezier import split_matrix
 
 from .arcs import Arc, Chord
+from .cuts import Key, line_of
 
-_ROWS = (np.s_[:, 0], np.s_[3, :], np.s_[:, 3], np.s_[0, :])
+#: Side k of many nets.
+_ROWS: tuple[Any, ...] = (np.s_[:, :, 0], np.s_[:, 3], np.s_[:, :, 3], np.s_[:, 0])
 #: The inner control points next to each side, and the ones behind these.
 _INNER: tuple[tuple[Any, Any], ...] = (
-    (np.s_[1:3, 1], np.s_[1:3, 2]),
-    (np.s_[2, 1:3], np.s_[1, 1:3]),
-    (np.s_[1:3, 2], np.s_[1:3, 1]),
-    (np.s_[1, 1:3], np.s_[2, 1:3]),
+    (np.s_[:, 1:3, 1], np.s_[:, 1:3, 2]),
+    (np.s_[:, 2, 1:3], np.s_[:, 1, 1:3]),
+    (np.s_[:, 1:3, 2], np.s_[:, 1:3, 1]),
+    (np.s_[:, 1, 1:3], np.s_[:, 2, 1:3]),
 )
-Key = tuple[float, ...]
+#: Rounds of moving sides, and the relative change that is rounding.
+PASSES = 12
+ROUNDING = 1e-14
 #: Start and end along a line, patch and side.
 Use = tuple[float, float, int, int]
+#: A short side: its patch and side, start and end on the long one, whose patch and side follow,
+#: and whether that one runs backwards along the line.
+Short = tuple[int, int, float, float, int, int, bool]
 
 
 def mended(
@@ -56,43 +63,78 @@ def mended(
             arc = arcs[c][k]
             if isinstance(arc, Chord) and arc.net is None:
                 # The other cell may run along it backwards.
-                p, q = tuple(arc.p.tolist()), tuple(arc.q.tolist())
-                if p <= q:
-                    lines[f, *p, *q].append((a, b, i, k))
-                else:
-                    lines[f, *q, *p].append((1.0 - a, 1.0 - b, i, k))
+                line, backwards = line_of(f, arc)
+                lines[line].append((1.0 - a, 1.0 - b, i, k) if backwards else (a, b, i, k))
+    short = [
+        found
+        for uses in lines.values()
+        if len({(min(u[:2]), max(u[:2])) for u in uses}) * 2 != len(uses)
+        for found in _short(uses)
+    ]
     changed: dict[int, list[tuple[int, int]]] = defaultdict(list)
-    for uses in lines.values():
-        if len({(min(u[:2]), max(u[:2])) for u in uses}) * 2 != len(uses):
-            _one_line(nets, uses, changed)
+    for i, _, _, _, owner, side, _ in short:
+        changed[i].append((owner, side))
+    if short:
+        _follow(nets, short)
     return changed
 
 
-def _one_line(nets: FloatArray, uses: list[Use], changed: dict[int, list[tuple[int, int]]]) -> None:
-    uses = sorted(uses, key=lambda u: -abs(u[1] - u[0]))
-    long: list[tuple[float, float, FloatArray, int, int]] = []
-    for a, b, i, k in uses:
+def _short(uses: list[Use]) -> list[Short]:
+    """Uses of a line that are parts of longer ones."""
+    long: list[tuple[float, float, int, int, bool]] = []
+    out: list[Short] = []
+    for a, b, i, k in sorted(uses, key=lambda u: -abs(u[1] - u[0])):
         low, high = min(a, b), max(a, b)
         found = next((x for x in long if x[0] <= low and high <= x[1]), None)
         if found is None:
-            row = nets[i][_ROWS[k]].copy()
-            long.append((low, high, row if a <= b else row[::-1], i, k))
+            long.append((low, high, i, k, a > b))
             continue
-        start, end, long_row, owner, side = found
+        start, end, owner, side, backwards = found
         length = end - start
-        if length == high - low:
-            continue
-        row = split_matrix((low - start) / length, (high - start) / length) @ long_row
-        _move(nets[i], k, row if a <= b else row[::-1])
-        changed[i].append((owner, side))
+        if length != high - low:
+            out.append((i, k, (a - start) / length, (b - start) / length, owner, side, backwards))
+    return out
 
 
-def _move(net: FloatArray, k: int, row: FloatArray) -> None:
-    """Replace side ``k``; inner control points follow with 2/3 and 1/3 of the shift.
+def _follow(nets: FloatArray, short: list[Short]) -> None:
+    """Short sides become parts of the long ones.
 
-    The other sides, which neighbours share, keep their inner control points.
+    Where a long side ends on a longer one it moves itself, and its short ones once more.
     """
-    shift = (row / row[:, 3:] - net[_ROWS[k]] / net[_ROWS[k]][:, 3:])[1:3]
-    net[_ROWS[k]] = row
+    patch, side, owner, long = np.array([(s[0], s[1], s[4], s[5]) for s in short]).T
+    ends = np.array([(s[2], s[3]) for s in short])
+    backwards = np.array([s[6] for s in short])
+    # From the lower to the higher end, so that both sides of a line have the same bits.
+    turned = ends[:, 0] > ends[:, 1]
+    ends.sort(axis=1)
+    matrices = split_matrix(ends[:, 0], ends[:, 1])
+    by_side = [(k, np.flatnonzero(side == k), np.flatnonzero(long == k)) for k in range(4)]
+    whole = np.empty((len(short), 4, 4))
+    for _ in range(PASSES):
+        for k, _, some in by_side:
+            whole[some] = nets[owner[some]][_ROWS[k]]
+        whole[backwards] = whole[backwards, ::-1]
+        rows = matrices @ whole
+        rows[turned] = rows[turned, ::-1]
+        change = 0.0
+        for k, some, _ in by_side:
+            if len(some):
+                before = nets[patch[some]]
+                change = max(change, float(np.abs(rows[some] - before[_ROWS[k]]).max()))
+                nets[patch[some]] = _moved(before, k, rows[some])
+        if change <= ROUNDING * float(np.abs(rows).max()):
+            break
+
+
+def _moved(nets: FloatArray, k: int, rows: FloatArray) -> FloatArray:
+    """Nets (n, 4, 4, 4) with ``rows`` (n, 4, 4) as side ``k``.
+
+    Inner control points follow with 2/3 and 1/3 of the shift; the other sides, which neighbours
+    share, keep theirs.
+    """
+    before = nets[_ROWS[k]]
+    shift = (rows / rows[..., 3:] - before / before[..., 3:])[:, 1:3]
+    nets[_ROWS[k]] = rows
     for share, inner in zip((2.0 / 3.0, 1.0 / 3.0), _INNER[k], strict=True):
-        net[inner] += share * shift * net[inner][:, 3:]
+        nets[inner] += share * shift * nets[inner][..., 3:]
+    return nets

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 #: Seconds of a conversion above which it is kept; below, looking it up saves nothing.
 WORTH_S = 0.05
 #: What of a face is a number or text.
-FIELDS = ("kind", "exact", "deviation", "angle_deg", "gap", "area", "area_error", "reason")
+FIELDS = (
+    "kind", "exact", "deviation", "angle_deg", "gap", "area", "area_error", "free_edge", "reason",
+)  # fmt: skip
 
 
 def key(shape: Any, kind: str, options: Options) -> str:

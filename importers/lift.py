@@ -196,7 +196,7 @@ def _without_joints(job: _Job, leaves: Leaves, converged: BoolArray) -> Leaves:
             break
         redo = np.flatnonzero(open_[face])
         leaves.nets[redo] = pure[redo]
-        middle = job.sides.middles(boxes.cell, boxes.box)
+        middle = job.sides.cuts.middles(boxes.cell, boxes.box)
         finer = Boxes.of(boxes.cell[cut], boxes.box[cut]).cut(how[cut], middle[cut])
         leaves = all_leaves([leaves.take(~cut), _refined(job, finer, converged)])
     return leaves
@@ -267,16 +267,14 @@ def _block(job: _Job, boxes: Boxes) -> _Level:
     # Boundary rows are parts of the edges' own cubics, the same for both faces of an edge.
     on = boxes.on_border() & sides.on_edge[cell]
     rows = []
-    # Where boxes are cut in s and in t; a boundary of several cubics is cut where they meet.
-    cuts = sides.middles(cell, box)
     across = np.zeros(len(box), dtype=np.int64)
     for k, m in enumerate((ms, mt, ms, mt)):
         some = np.flatnonzero(on[:, k])
         axis = k % 2
-        net, cut = sides.rows(cell[some], k, box[some, 2 * axis], box[some, 2 * axis + 1], m[some])
-        several = np.isfinite(cut)
+        net, several = sides.rows(
+            cell[some], k, box[some, 2 * axis], box[some, 2 * axis + 1], m[some]
+        )
         across[some[several]] |= 1 + axis
-        cuts[some[several], axis] = cut[several]
         some, net = some[~several], net[~several]
         rows.append((some, net))
         h = _BASIS @ net
@@ -296,7 +294,7 @@ def _block(job: _Job, boxes: Boxes) -> _Level:
     whole = across == 0
     split = np.where(whole, found.split, across | np.where(job.eager[face], found.over, 0))
     leaves = Leaves(boxes, nets, found.errors, p, normals)
-    return _Level(leaves, split, found.kept & whole, whole, cuts)
+    return _Level(leaves, split, found.kept & whole, whole, sides.cuts.middles(cell, box))
 
 
 def _side(some: IntArray, k: int, last: int) -> tuple:

@@ -12,17 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .arcs import Arc
+from .arcs import Arc, NetArc
 from .cells import Cell, corner_sines, quality, samples_of, side_samples, straight_quality
 from .triangulate import triangulate
 
 ChordMaker = Callable[[FloatArray, FloatArray], Arc]
 Loop = list[Arc]
 Triangle = tuple[int, int, int]
+#: By identity of an arc: the shares of its length where it should be cut, none for its middle.
+Wanted = dict[int, list[float]]
 
 #: Qualities: of a pair that is preferred to its triangles, and of a cell that is thin.
 PAIRED = 0.1
 THIN = 0.02
+#: Feet of corners nearer to the end of a side than this share of it are no place to cut it.
+NEAR_END = 0.02
 
 
 def best_triangle(arcs: list[Arc]) -> tuple[Cell, float]:
@@ -38,12 +42,12 @@ def best_triangle(arcs: list[Arc]) -> tuple[Cell, float]:
 
 def paired(
     loops: list[Loop], chord: ChordMaker, limit: float
-) -> tuple[list[Cell] | None, set[int], str]:
-    """Cells of a triangulation, identities of the arcs to halve, and why it failed."""
+) -> tuple[list[Cell] | None, Wanted, str]:
+    """Cells of a triangulation, by identity of an arc where to cut it, and why it failed."""
     vertices = [np.array([a.start for a in loop]) for loop in loops]
     triangles = triangulate(vertices)
     if triangles is None:
-        return None, set(), "the boundary touches or crosses itself"
+        return None, {}, "the boundary touches or crosses itself"
     arcs: dict[tuple[int, int], Arc] = {}
     base = 0
     for loop in loops:
@@ -81,19 +85,47 @@ def paired(
     sides = {k: tuple(side(a, b) for a, b in _around(quads[k])) for k in chosen}
     cells = [Cell(four) for four in sides.values()]  # type: ignore[arg-type]
     used = {t for k in chosen for t in pairs[k]}
-    worst: set[int] = set()
-    chosen_bad = [k for k in chosen if q[k] < limit]
-    for k in chosen_bad:
-        worst.update(id(a) for a in sides[k] if not a.straight)
+    bad = [sides[k] for k in chosen if q[k] < limit]
     for i, t in enumerate(triangles):
         if i in used:
             continue
         three = [side(t[k], t[(k + 1) % 3]) for k in range(3)]
         cell, best = best_triangle(three)
         if best < limit:
-            worst.update(id(a) for a in three if not a.straight)
+            bad.append(tuple(three))
         cells.append(cell)
-    return cells, worst, ""
+    return cells, _wanted(bad, loops), ""
+
+
+def _wanted(bad: list[tuple[Arc, ...]], loops: list[Loop]) -> Wanted:
+    """Where to cut arcs for the sake of bad cells, given by their sides.
+
+    A row of holes beside a long straight side has nothing but the ends of that to be joined to,
+    which gives thin cells across the holes: the side gets corners next to those of the holes.
+    Curves that are sides of other bad cells are halved.
+    """
+    wanted: Wanted = {}
+    lines = [a for loop in loops for a in loop if isinstance(a, NetArc) and a.straight]
+    p = np.array([a.start for a in lines]).reshape(-1, 2)
+    d = np.array([a.end for a in lines]).reshape(-1, 2) - p
+    square = (d * d).sum(axis=1)
+    for cell in bad:
+        corners = np.array([a.start for a in cell])
+        size = max(float(np.linalg.norm(a.end - a.start)) for a in cell)
+        away = corners[:, None] - p
+        foot = (away * d).sum(axis=2) / square
+        off = np.linalg.norm(away - foot[..., None] * d, axis=2)
+        beside = (foot > NEAR_END) & (foot < 1.0 - NEAR_END) & (off > NEAR_END * size)
+        off = np.where(beside & (off < 0.5 * size), off, np.inf)
+        nearest = off.argmin(axis=1) if len(lines) else np.empty(0, dtype=np.int64)
+        found = [(m, k) for m, k in enumerate(nearest.tolist()) if off[m, k] < np.inf]
+        for m, k in found:
+            wanted.setdefault(id(lines[k]), []).append(float(foot[m, k]))
+        if not found:
+            for arc in cell:
+                if not arc.straight:
+                    wanted.setdefault(id(arc), [])
+    return wanted
 
 
 _NINTHS = np.linspace(0.0, 1.0, 9)[:, None]

@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 from patchlight.solver.errors import GeometryError
-from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .arcs import Arc
+from .arcs import Arc, NetArc
 from .cells import Cell, quality, samples_of
-from .pairing import PAIRED, THIN, ChordMaker, Loop, best_triangle, paired
+from .pairing import PAIRED, THIN, ChordMaker, Loop, Wanted, best_triangle, paired
 from .together import rows_of
 from .triangulate import crossings, inside, overlapping
 
@@ -24,7 +24,10 @@ GOOD = 0.2
 #: Quality below which halving of sides goes on where cells of less have failed.
 STRICT = 0.25
 FOLDED = 1e-3
-MOST_ARCS = 3000
+#: Halving ends with more arcs than `FEW_ARCS` and than `GROWTH` times those of the boundary: that
+#: is near a place where it touches itself, at which no halving ever ends.
+FEW_ARCS = 3000
+GROWTH = 4
 
 
 def corner_turns(loop: Loop) -> FloatArray:
@@ -118,23 +121,39 @@ def _disc(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
     return cells
 
 
-def _halve(loops: list[Loop], bad: set[int]) -> list[Loop]:
-    """Loops with the arcs of the given identities cut in two."""
+def _cut(loops: list[Loop], wanted: Wanted) -> list[Loop]:
+    """Loops with the arcs of the given identities cut where it is wanted, or in two."""
     out = []
     for loop in loops:
         new: Loop = []
         for arc in loop:
-            new.extend(arc.halves() if id(arc) in bad else [arc])
+            at = wanted.get(id(arc))
+            if at and isinstance(arc, NetArc):
+                new.extend(arc.cut(_apart(at)))
+            else:
+                new.extend([arc] if at is None else arc.halves())
         out.append(new)
     return out
 
 
-def _offenders(loops: list[Loop]) -> set[int]:
+def _apart(shares: list[float]) -> list[float]:
+    """Shares of a length in order, those left out that are much nearer to the one before than
+    they are on average."""
+    ordered = sorted(shares)
+    least = 0.1 / (len(ordered) + 1)
+    out: list[float] = []
+    for x in ordered:
+        if x - (out[-1] if out else 0.0) > least and 1.0 - x > least:
+            out.append(x)
+    return out
+
+
+def _offenders(loops: list[Loop]) -> Wanted:
     """Curved arcs whose chord crosses another chord or has a foreign vertex between."""
     arcs = [a for loop in loops for a in loop]
-    p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
-    hit = crossings(p, q)
-    bad = {id(a) for a, h in zip(arcs, hit, strict=True) if h and not a.straight}
+    p, after = _vertices(loops)
+    hit = crossings(p, p[after])
+    bad: Wanted = {id(a): [] for a, h in zip(arcs, hit, strict=True) if h and not a.straight}
     curved = np.array([k for k, a in enumerate(arcs) if not a.straight], dtype=np.int64)
     if not len(curved):
         return bad
@@ -143,13 +162,14 @@ def _offenders(loops: list[Loop]) -> set[int]:
     # Only arcs with a foreign vertex in their box are looked at one by one.
     margin = 1e-7 * (high - low).max(axis=1)
     k, v = overlapping(low, high, p, p)
-    foreign = np.ones(len(k), dtype=bool)
+    # Arcs may end a little beside the start of the next one, however short they are.
+    foreign = (v != curved[k]) & (v != after[curved[k]])
     for end in (samples[:, 0], samples[:, -1]):
         foreign &= np.abs(p[v] - end[k]).max(axis=1) > margin[k]
     k, v = k[foreign], v[foreign]
     for i, rows in rows_of(k, np.arange(len(curved))):
         if inside(samples[i], p[v[rows]]).any():
-            bad.add(id(arcs[curved[i]]))
+            bad[id(arcs[curved[i]])] = []
     return bad
 
 
@@ -212,6 +232,7 @@ def _general(
     fallback: list[Cell] | None = None
     fewest = 0
     loops = [loop if len(loop) > 2 else _split_up(loop) for loop in loops]
+    most = max(FEW_ARCS, GROWTH * sum(len(loop) for loop in loops))
     tries = (True, False) if planar else (False,)
     for sectors in tries:
         current: list[Loop] = loops
@@ -220,8 +241,8 @@ def _general(
                 bad = _offenders(current)
                 if not bad:
                     break
-                current = _halve(current, bad)
-                if sum(len(loop) for loop in current) > MOST_ARCS:
+                current = _cut(current, bad)
+                if sum(len(loop) for loop in current) > most:
                     raise GeometryError("the boundary touches or crosses itself")
             cut, extra = _with_sectors(current, chord) if sectors else (current, [])
             if sectors and not extra:
@@ -236,22 +257,22 @@ def _general(
             cells, worst, reason = paired(cut, chord, limit)
             if cells is not None and not worst and folded is not None:
                 for cell in folded(cells):
-                    worst |= {id(a) for a in cell.sides if a is not None and not a.straight}
+                    worst |= {id(a): [] for a in cell.sides if a is not None and not a.straight}
             if cells is not None and not worst:
                 return extra + cells
             if cells is not None and (fallback is None or len(worst) < fewest):
                 fallback, fewest = extra + cells, len(worst)
             if cells is None:
-                curved = {id(a) for loop in current for a in loop if not a.straight}
-                worst = curved or {id(a) for loop in current for a in loop}
+                every = [a for loop in current for a in loop]
+                worst = {id(a): [] for a in [a for a in every if not a.straight] or every}
             known = {id(a) for loop in current for a in loop}
-            if not (worst & known):
+            if not (worst.keys() & known):
                 if cells is not None and not sectors:
                     return extra + cells
                 break
-            if sum(len(loop) for loop in current) > MOST_ARCS:
+            if sum(len(loop) for loop in current) > most:
                 break
-            current = _halve(current, worst & known)
+            current = _cut(current, worst)
     if fallback is not None:
         return fallback  # thin cells; the area of the patches decides whether they may stay
     raise GeometryError(reason or "no valid decomposition into four-sided cells")
@@ -264,7 +285,16 @@ def _split_up(loop: Loop) -> Loop:
     return loop
 
 
+def _vertices(loops: list[Loop]) -> tuple[FloatArray, IntArray]:
+    """Starts (n, 2) of all arcs, and the number (n,) of the arc that follows each one."""
+    points = np.array([a.start for loop in loops for a in loop])
+    after, base = [], 0
+    for loop in loops:
+        after += [*range(base + 1, base + len(loop)), base]
+        base += len(loop)
+    return points, np.array(after)
+
+
 def _clean(loops: list[Loop]) -> bool:
-    arcs = [a for loop in loops for a in loop]
-    p, q = np.array([a.start for a in arcs]), np.array([a.end for a in arcs])
-    return not crossings(p, q).any()
+    p, after = _vertices(loops)
+    return not crossings(p, p[after]).any()

@@ -10,14 +10,17 @@ References
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 from patchlight.solver.model.bezier import bernstein, split_matrix
 
-from . import nurbs
 from .arcs import Arc, EdgeArc
 from .cells import Cell
+from .compare import TINY, BoolArray
 from .curves import BSpline
+from .cuts import Cuts, Way
 from .surfaces import knot_lines
 from .together import CurveBatch, SurfaceBatch, rows_of
 
@@ -25,6 +28,8 @@ from .together import CurveBatch, SurfaceBatch, rows_of
 GAP_AT = np.linspace(0.0, 1.0, 9)
 #: Share of a box that is not worth a patch of its own.
 SLIVER = 1e-4
+#: Corners of a face are one within this share of its extent in u and v.
+SAME_CORNER = 1e-8
 THIRDS = np.arange(4) / 3.0
 ONCE = np.array([1])
 #: What follows the start of a line of no length: step, half angle and the fraction s / 1.
@@ -104,16 +109,19 @@ class Sides:
             for k in range(4)
         ]
         self.weights = _blended(side_weights)
-        self._knots = self._knot_shares()
+        self.cuts = Cuts(self._own_cuts(), face, self.arcs)
 
-    def _knot_shares(self) -> tuple[list[tuple[int, FloatArray]], list[tuple[int, FloatArray]]]:
-        """Cells bounded by parameter lines with the s, and those with the t, of knots inside."""
+    def _own_cuts(self) -> dict[Way, list[FloatArray]]:
+        """Joints of the cubics along the sides of each cell, and knots inside those cells that
+        parameter lines bound."""
+        out: dict[Way, list[FloatArray]] = defaultdict(list)
+        for (c, k), (starts, _, _) in self.parts.items():
+            out[c, k % 2].append(starts[1:])
         p, step, half, m = np.split(self._straight, (2, 4, 5), axis=2)
         a = p + m[..., 1:2] * step
         b = a + m[..., :1] * step
         linear = ((half == 0.0) & (m[..., 2:3] == 0.0) & (m[..., 3:] == 1.0)).all(axis=(1, 2))
         linear &= (self._curve < 0).all(axis=1)
-        out: tuple[list[tuple[int, FloatArray]], list[tuple[int, FloatArray]]] = ([], [])
         for c in np.flatnonzero(linear & ~self.collapsed.any(axis=1)).tolist():
             low, high = a[c, 0], b[c, 2]
             corners = np.array([a[c, 1], b[c, 3]])
@@ -125,16 +133,7 @@ class Sides:
             knots = knot_lines(self.surfaces.surfaces[self.face[c]], low, high)
             for k, line in enumerate(knots):
                 if line is not None and len(line) > 2:
-                    out[k].append((c, (line[1:-1] - low[k]) / (high[k] - low[k])))
-        return out
-
-    def middles(self, cell: IntArray, box: FloatArray) -> FloatArray:
-        """Where in s and in t (n, 2) to halve boxes (n, 4): at a knot line, if any is inside."""
-        out = 0.5 * (box[:, ::2] + box[:, 1::2])
-        for k, cells in enumerate(self._knots):
-            for i, rows in rows_of(cell, np.array([c for c, _ in cells], dtype=np.int64)):
-                low, high = box[rows, 2 * k], box[rows, 2 * k + 1]
-                out[rows, k] = nurbs.middles(low, high, cells[i][1])
+                    out[c, k].append((line[1:-1] - low[k]) / (high[k] - low[k]))
         return out
 
     def at(self, cell: IntArray, k: int, s: FloatArray) -> FloatArray:
@@ -188,9 +187,12 @@ class Sides:
         shift[~self.on_edge] = 0.0
         # Corners (s, t) = (0, 0), (1, 0), (1, 1), (0, 1) follow an edge that ends there.
         ends = (((0, 0), (3, 0)), ((0, -1), (1, 0)), ((1, -1), (2, -1)), ((2, 0), (3, -1)))
+        known = np.zeros((len(every), 4), dtype=bool)
         for corner, ((k, i), (m, j)) in enumerate(ends):
             first = self.on_edge[:, k, None]
             self.corners[:, corner] = np.where(first, shift[:, k, i], shift[:, m, j])
+            known[:, corner] = self.on_edge[:, k] | self.on_edge[:, m]
+        self._share_corners(known)
         moves = np.where(self.on_edge, gap, 0.0).max(axis=1)
         middle = np.full((len(every), 1), 0.5)
         a, b, c, d = (self.on_surface(k, every, middle)[:, 0] for k in range(4))
@@ -201,6 +203,26 @@ class Sides:
         leans = leans * self._powers / 3.0
         self.leans = np.where(leans > 0.1 * lean, leans, 0.0)
         return gap, moves
+
+    def _share_corners(self, known: BoolArray) -> None:
+        """Give the shifts of corners on an edge to cells that touch the edge there alone."""
+        if known.all() or not self.corners.any():
+            return
+        every, ends = np.arange(len(known)), np.broadcast_to([0.0, 1.0], (len(known), 2))
+        below, above = self.at(every, 0, ends), self.at(every, 2, ends)
+        uv = np.concatenate([below, above[:, ::-1]], axis=1).reshape(-1, 2)
+        face = np.repeat(self.face, 4)
+        low, high = np.full((face.max() + 1, 2), np.inf), np.full((face.max() + 1, 2), -np.inf)
+        np.minimum.at(low, face, uv)
+        np.maximum.at(high, face, uv)
+        place = np.round((uv - low[face]) / (SAME_CORNER * np.maximum(high - low, TINY)[face]))
+        _, group = np.unique(np.column_stack([face, place]), axis=0, return_inverse=True)
+        group, flat = group.ravel(), known.ravel()
+        source = np.full(group.max() + 1, -1)
+        source[group[flat]] = np.flatnonzero(flat)
+        shifts = self.corners.reshape(-1, 3)
+        rows = np.flatnonzero(~flat & (source[group] >= 0))
+        shifts[rows] = shifts[source[group[rows]]]
 
     def shifts(self, cell: IntArray, s: FloatArray, t: FloatArray) -> FloatArray:
         """How far (m, a, b, 3) points of boxes move so that the border meets the edges.
@@ -221,13 +243,14 @@ class Sides:
 
     def rows(
         self, cell: IntArray, k: int, a: FloatArray, b: FloatArray, matrices: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Cubics (m, 4, 4) over [a, b] (m,) of side ``k`` on an edge, and where to cut (m,).
+    ) -> tuple[FloatArray, BoolArray]:
+        """Cubics (m, 4, 4) over [a, b] (m,) of side ``k`` on an edge.
 
-        ``matrices`` (m, 4, 4) restrict a cubic to [a, b]; the cut is NaN where one part holds it.
+        ``matrices`` (m, 4, 4) restrict a cubic to [a, b]. The mask (m,) tells where more than one
+        of the edge's cubics lies there, which no cubic is.
         """
         out = matrices @ self.nets[cell, k]
-        cut = np.full(len(cell), np.nan)
+        several = np.zeros(len(cell), dtype=bool)
         for i, some in rows_of(cell, self._in_parts[k]):
             starts, ends, nets = self.parts[int(self._in_parts[k][i]), k]
             low, high = a[some], b[some]
@@ -238,11 +261,8 @@ class Sides:
             length = ends[part] - starts[part]
             inner = split_matrix((low - starts[part]) / length, (high - starts[part]) / length)
             out[some] = inner @ nets[part]
-            middle = 0.5 * (low + high)
-            joint = starts[np.argmin(np.abs(starts[None] - middle[:, None]), axis=1)]
-            several = high - ends[part] > near
-            cut[some] = np.where(several, joint, np.nan)
-        return out, cut
+            several[some] = high - ends[part] > near
+        return out, several
 
 
 def _shares(half: FloatArray, m: FloatArray, s: FloatArray) -> FloatArray:

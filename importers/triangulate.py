@@ -9,6 +9,8 @@ from patchlight.solver.model.arrays import FloatArray, IntArray
 
 #: Angles by which points are turned before ear clipping, in this order [rad].
 TURNS = (0.5, 1.7, 2.9)
+#: Share of the polygon's area below which a triangle is as good as flat.
+FLAT = 1e-8
 
 
 def signed_area(points: FloatArray) -> float:
@@ -104,9 +106,14 @@ def triangulate(loops: list[FloatArray]) -> list[tuple[int, int, int]] | None:
         return None
     turned = areas(nudged, index) < 0
     index[turned] = index[turned][:, ::-1]
-    out = flipped(points, [(a, b, c) for a, b, c in index.tolist()], loops)
+    # Rows of equal holes have many vertices on one line: among the displaced points no triangle is
+    # flat, and no swap is held up by one that is.
+    out = flipped(nudged, [(a, b, c) for a, b, c in index.tolist()], loops)
     area = areas(points, np.array(out))
     total = sum(signed_area(p) for p in loops)
+    if area.min() <= FLAT * total:
+        out = flipped(points, out, loops)
+        area = areas(points, np.array(out))
     if area.min() <= -1e-12 * total or abs(area.sum() - total) > 1e-9 * abs(total):
         return None
     if np.abs(area).sum() - total > 1e-9 * abs(total):

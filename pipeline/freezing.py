@@ -28,6 +28,7 @@ from patchlight.solver.model.sky import direction
 
 from .assigning import full_path
 from .coincident import with_one_of_each
+from .flush import with_flush_faces
 from .frames import part_placements, transformed_normals, transformed_points
 from .glazing import with_glass
 from .problems import Problems
@@ -74,7 +75,7 @@ def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
         raise InputError("the scene is empty: add a model or patches")
     slots = filled_slots(scene)
     parts, faces = _part_table(scene)
-    patches = _patches(scene)
+    patches, notes = with_flush_faces(_patches(scene), parts)
     kinds = np.array([p.kind for p in parts])[patches.part_index]
     two_sided = kinds == "sheet"
     material_index = slots.material[patches.face_index]
@@ -100,6 +101,7 @@ def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
         sources=_sources(scene),
         default_faces=slots.default_faces,
         title=scene.title or next(iter(scene.entries)),
+        notes=notes,
     )
     slots, data = _without_lost_lamps(slots, data, with_one_of_each(data, slots.order))
     return slots, with_glass(data, slots.glass)

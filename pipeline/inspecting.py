@@ -8,6 +8,8 @@ from patchlight.solver.model import Face, Model
 
 #: Failed or approximated faces listed one by one.
 MOST_FACES = 20
+#: Faces with free edges listed one by one.
+MOST_LOOSE = 5
 
 
 def inspection_text(model: Model) -> str:
@@ -65,6 +67,13 @@ def certificate_lines(model: Model) -> list[str]:
         )
     if len(inexact) > MOST_FACES:
         lines.append(f"  and {len(inexact) - MOST_FACES} more (all with --json)")
+    loose = sorted((f for f in c.faces if f.free_edge_m > 0.0), key=lambda f: -f.free_edge_m)
+    if loose:
+        lines.append(f"free edges, where no other face begins: {c.free_edge_m:.3g} m, the longest")
+    for face in loose[:MOST_LOOSE]:
+        lines.append(
+            f"  {c.part_paths[face.part]} #{face.number} {face.kind}: {face.free_edge_m:.3g} m"
+        )
     return [*lines, *c.notes]
 
 

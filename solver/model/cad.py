@@ -68,6 +68,8 @@ class Face:
         (NaN when not checked).
     gap_m : float
         Largest distance between the patch boundaries and the 3-D edge curves. [m]
+    free_edge_m : float
+        Length of the edges at which no other face of the part begins. [m]
     reason : str
         Why the face failed or is approximated; empty otherwise.
     """
@@ -82,6 +84,7 @@ class Face:
     area_m2: float
     area_error: float = float("nan")
     gap_m: float = 0.0
+    free_edge_m: float = 0.0
     reason: str = ""
     name: str | None = None
     color: tuple[float, float, float] | None = None
@@ -171,6 +174,11 @@ class Certificate:
     def max_gap_m(self) -> float:
         """Largest gap at a shared edge. [m]"""
         return self._largest("gap_m")
+
+    @property
+    def free_edge_m(self) -> float:
+        """Length of all free edges; none of a part that is closed. [m]"""
+        return float(sum(f.free_edge_m for f in self.faces))
 
 
 @dataclass(frozen=True, slots=True)

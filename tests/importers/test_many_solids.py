@@ -110,7 +110,9 @@ def test_nothing_shows_between_the_patches_of_a_solid():
 
 def test_area_check_can_be_left_out():
     shape = SOLIDS["sphere minus box"]()
-    checked, unchecked = from_cadquery(shape), from_cadquery(shape, check_areas=False)
+    checked, unchecked = (
+        from_cadquery(shape, check_areas=check, cache=False) for check in (True, False)
+    )
     assert np.isnan([f.area_error for f in unchecked.faces]).all()
     assert unchecked.certificate.area_seconds == 0.0 < checked.certificate.area_seconds
     np.testing.assert_array_equal(unchecked.patches.control_points, checked.patches.control_points)

@@ -7,6 +7,7 @@ import math
 import cadquery as cq
 import numpy as np
 import pytest
+from patchlight.importers import from_cadquery
 from patchlight.importers.assemble import diagonal
 from patchlight.importers.cells import quality, straight_quality
 from patchlight.importers.convert import convert_faces
@@ -131,3 +132,31 @@ def test_a_face_that_fails_leaves_the_others_alone():
     found = convert_faces(raws, 1e-4, 1.0, 4.0)
     assert not len(found[curved].nets) and found[curved].reason
     assert all(len(f.nets) and f.exact for i, f in enumerate(found) if i != curved)
+
+
+def perforated(across, along):
+    """A plate with rows of holes, 2 mm apart and of radius 0.7 mm."""
+    corners = ((-1, -1), (2 * across - 1, -1), (2 * across - 1, 2 * along - 1), (-1, 2 * along - 1))
+    border = cq.Wire.makePolygon([cq.Vector(*c) for c in corners], close=True)
+    up = cq.Vector(0, 0, 1)
+    holes = [
+        cq.Wire.makeCircle(0.7, cq.Vector(2 * i, 2 * j), up)
+        for i in range(across)
+        for j in range(along)
+    ]
+    return cq.Solid.extrudeLinear(border, holes, up)
+
+
+@pytest.mark.parametrize(
+    "rows", [(6, 5), pytest.param((40, 25), marks=pytest.mark.slow)], ids=["30", "1000"]
+)
+def test_rows_of_holes_take_few_patches(rows):
+    model = from_cadquery(perforated(*rows), cache=False)
+    assert model.certificate.faces_failed == 0
+    count = rows[0] * rows[1]
+    # Four corners a hole and those of the border make at least (4 + 4 h − 2 + 2 h) / 2 = 3 h + 1
+    # cells; a tenth more where the border needs corners beside the holes.
+    for face in model.faces:
+        assert face.area_error < 1e-6
+        if face.kind == "plane" and face.patches > 1:
+            assert face.patches <= 1.1 * (3 * count + 1) + 2 * sum(rows)

@@ -1,0 +1,155 @@
+"""Flat faces that lie on each other all but for rounding: brought into one plane.
+
+A sheet on a housing, a panel flush in a ceiling: in one plane each place shows the light of one of
+them. Drawn apart by no more than the rounding of a file, there would be a gap between them that no
+quadrature resolves, and the light of both would count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from patchlight.solver.model import PatchSet, ScenePart
+from patchlight.solver.model.arrays import FloatArray, IntArray
+
+from .coincident import SAME
+
+#: Distance of planes, relative to the scene's size, up to which the solver takes faces that look at
+#: each other for touching ones.
+CLOSE = 1e-5
+#: What tells planes apart when they are sorted; no drawing has these ratios.
+_WEIGHTS = np.sqrt([2.0, 3.0, 5.0, 7.0])
+#: Unit normals of planes that may be one differ by less; what counts is how far points are off.
+_PARALLEL = 1e-4
+
+
+@dataclass(slots=True)
+class _Flat:
+    """A flat face: rows of its patches, their points (n, 16, 3), box, unit normal and offset."""
+
+    rows: IntArray
+    points: FloatArray
+    low: FloatArray
+    high: FloatArray
+    normal: FloatArray
+    offset: float
+    part: int
+
+    def off(self, other: _Flat) -> float:
+        """Largest distance of its points from the plane of another one. [m]"""
+        return float(np.abs(self.points @ other.normal - other.offset).max())
+
+
+def with_flush_faces(
+    patches: PatchSet, parts: tuple[ScenePart, ...]
+) -> tuple[PatchSet, tuple[str, ...]]:
+    """Patches with flat faces in one plane where they lie on other parts' but for rounding.
+
+    Sheets move onto solids, smaller faces onto larger ones, by `SAME` of the scene's size at most.
+
+    Returns
+    -------
+    PatchSet, tuple of str
+        The patches, and a note on faces that are a little farther apart and overlap.
+    """
+    points = (patches.control_points[..., :3] / patches.control_points[..., 3:]).reshape(-1, 16, 3)
+    size = float(np.linalg.norm(np.ptp(points.reshape(-1, 3), axis=0)))
+    faces = _flat_faces(patches, points, size)
+    moved: dict[int, tuple[FloatArray, float]] = {}
+    apart: list[tuple[float, int, int]] = []
+    closed = [part.kind != "sheet" for part in parts]
+    # Solids first, then by area of the box: what lies on others comes after them.
+    faces.sort(key=lambda f: (not closed[f.part], -float(np.linalg.norm(f.high - f.low))))
+    for a, b in _pairs(faces, CLOSE * size):
+        on, face = faces[a], faces[b]
+        alike = not closed[face.part] or float(on.normal @ face.normal) > 0.0
+        distance = max(face.off(on), on.off(face))
+        if not alike or distance == 0.0 or distance > CLOSE * size:
+            continue
+        if not _overlap(on, face, CLOSE * size):
+            continue
+        if distance <= SAME * size:
+            moved.setdefault(b, moved.get(a, (on.normal, on.offset)))
+        else:
+            apart.append((distance, on.part, face.part))
+    if moved:
+        cp = np.array(patches.control_points)
+        for b, (normal, offset) in moved.items():
+            x = faces[b].points
+            x = x - (x @ normal - offset)[..., None] * normal
+            rows = faces[b].rows
+            cp[rows, ..., :3] = x.reshape(-1, 4, 4, 3) * cp[rows, ..., 3:]
+        patches = PatchSet(cp, patches.face_index, patches.part_index, patches.edge_index)
+    return patches, _note(apart, parts, size)
+
+
+def _note(
+    apart: list[tuple[float, int, int]], parts: tuple[ScenePart, ...], size: float
+) -> tuple[str, ...]:
+    if not apart:
+        return ()
+    distance, on, face = min(apart)
+    more = f" ({len(apart)} pairs of faces in all)" if len(apart) > 1 else ""
+    return (
+        f"{parts[face].path} lies {distance:.2g} m off a face of {parts[on].path}, too near for "
+        f"light between them: draw it on that face or at least {CLOSE * size:.2g} m away{more}",
+    )
+
+
+def _flat_faces(patches: PatchSet, points: FloatArray, size: float) -> list[_Flat]:
+    """Faces that are flat to rounding."""
+    first, second = points[:, 15] - points[:, 0], points[:, 3] - points[:, 12]
+    normals = np.cross(first, second)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals / np.where(length > 0.0, length, 1.0)
+    away = np.einsum("nik,nk->ni", points - points[:, :1], normals)
+    flat = (length[:, 0] > 0.0) & (np.abs(away).max(axis=1) <= 1e-12 * size)
+    order = np.argsort(patches.face_index, kind="stable")
+    _, starts = np.unique(patches.face_index[order], return_index=True)
+    all_flat = np.logical_and.reduceat(flat[order], starts)
+    out = []
+    for rows in [r for r, ok in zip(np.split(order, starts[1:]), all_flat, strict=True) if ok]:
+        own = points[rows]
+        n = normals[rows[np.argmax(length[rows, 0])]]
+        offset = float((own.reshape(-1, 3) @ n).mean())
+        if np.abs(own @ n - offset).max() <= 1e-12 * size:
+            low, high = own.min(axis=(0, 1)), own.max(axis=(0, 1))
+            out.append(_Flat(rows, own, low, high, n, offset, int(patches.part_index[rows[0]])))
+    return out
+
+
+def _pairs(faces: list[_Flat], slack: float) -> list[tuple[int, int]]:
+    """Pairs (i, j), i < j, of faces of different parts whose planes and boxes are near."""
+    if len(faces) < 2:
+        return []
+    n = len(faces)
+    plane = np.array([[*f.normal, f.offset] for f in faces])
+    extent = max(float(np.abs(f.points).max()) for f in faces)
+    low, high = np.array([f.low for f in faces]), np.array([f.high for f in faces])
+    part = np.array([f.part for f in faces])
+    # A plane is the same whichever way its normal looks.
+    both = np.concatenate([plane, -plane])
+    reach = (_PARALLEL * np.array([1.0, 1.0, 1.0, extent])) @ _WEIGHTS + slack * _WEIGHTS[3]
+    key = both @ _WEIGHTS
+    order = np.argsort(key, kind="stable")
+    first = np.searchsorted(key[order], key[:n] - reach)
+    last = np.searchsorted(key[order], key[:n] + reach, side="right")
+    out = []
+    for i in np.flatnonzero(last - first > 1).tolist():
+        j = np.unique(order[first[i] : last[i]] % n)
+        j = j[(j > i) & (part[j] != part[i])]
+        near = (low[j] <= high[i] + slack).all(axis=1) & (high[j] >= low[i] - slack).all(axis=1)
+        near &= np.abs(plane[j, :3] @ plane[i, :3]) > 1.0 - _PARALLEL
+        out += [(i, k) for k in j[near].tolist()]
+    return out
+
+
+def _overlap(a: _Flat, b: _Flat, slack: float) -> bool:
+    """Whether boxes of patches of two faces overlap by more than ``slack`` within the plane."""
+    across = int(np.argmax(np.abs(a.normal)))
+    keep = [k for k in range(3) if k != across]
+    low, high = a.points.min(axis=1)[:, keep], a.points.max(axis=1)[:, keep]
+    other_low, other_high = b.points.min(axis=1)[:, keep], b.points.max(axis=1)[:, keep]
+    common = np.minimum(high[:, None], other_high) - np.maximum(low[:, None], other_low)
+    return bool((common > 10.0 * slack).all(axis=2).any())
