@@ -381,6 +381,19 @@ class FieldSolver:
         doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change), far)
         return light, doubt, self._rules(seen, field, light)
 
+    def from_outdoors(self, seen: SensorRows, field: Field, finer: Finer) -> FloatArray:
+        """Light of sky and ground (m,) that sensors get straight from surfaces outdoors. [lx]"""
+        unknowns = finer.unknowns
+        there = self.scene.outdoors[field.surfaces.elements.patch_index][unknowns.element]
+        daylight = [sent for group, sent in finer.sent.items() if group in ("sky", "ground")]
+        if not daylight or not there.any():
+            return np.zeros(len(seen.rows.factors))
+        column = np.where(there[:, None], sum(daylight), 0.0)
+        with self.stages.run("sensors"):
+            at = seen.rows, seen.mirrored, seen.asked, field.every, unknowns
+            (found,) = self._gathered(*at, [column])
+        return luminous(found)
+
     def _rules(self, seen: SensorRows, field: Field, light: Gathered) -> FloatArray:
         """Error (m,) that the rules for unoccluded factors leave in the light of sensors. [lx]"""
         asked, sent = seen.asked, luminous(field.exitance_told)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .budget import BASES, Budget, most_varying, scene_bytes
 from .containment import Containment
+from .daylight import with_daylight_factors
 from .effort import check_effort
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -21,11 +22,13 @@ from .memory import check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
 from .model.arrays import FloatArray
+from .model.daylight import DaylightShares
 from .model.reached import accuracies_reached, accuracy_message
 from .model.result import Balance, CameraImage, Result, SensorResult, luminous
 from .model.scene import SceneData
+from .model.sky import CIESky
 from .moved_blockers import kept_blockers
-from .reuse import STORE, Kept, Mesh, forget
+from .reuse import STORE, Kept, Mesh, Store
 from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
 from .solved_field import Field
@@ -122,7 +125,14 @@ def solve(
 
             kind = Nn93Simulation
         options = Options(basis=basis, balanced=balanced_mesh, cache=cache)
-        return kind(scene, accuracy, visibility, Stages(progress), options).run()
+        if scene.daylight_factors is not None and not cache:
+            # The second run is to find what the first one knows, and both to leave nothing.
+            options = replace(options, cache=True, store=Store())
+
+        def run(one: SceneData) -> Result:
+            return kind(one, accuracy, visibility, Stages(progress), options).run()
+
+        return with_daylight_factors(run(scene), run)
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -153,6 +163,8 @@ class Options:
     basis: str | None = None
     balanced: bool = False
     cache: bool = False
+    #: Where what is found is kept; what all runs of the process share when not given.
+    store: Store | None = None
 
 
 class Simulation:
@@ -180,14 +192,15 @@ class Simulation:
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
         #: What mirrors and panes take besides, a pair. [B]
         self.more = scene_bytes(scene)
-        if len(STORE) and not self._is_roomy():
-            forget()  # what is kept may be found again
+        self._shared = STORE if options.store is None else options.store
+        if len(self._shared) and not self._is_roomy():
+            self._shared.clear()  # what is kept may be found again
             self.budget = Budget.of(scene, accuracy, self.basis)
         large = self.budget.is_large
         # What decided on a mesh is known for its boxes before balancing only; rows of large meshes
         # take more than they are worth.
         kept = options.cache and not options.balanced and not large
-        self.store = STORE if kept else None
+        self.store = self._shared if kept else None
         if options.cache and not kept:
             why = "the mesh is balanced" if options.balanced else "the mesh is large"
             stages.skipped["reuse"] = f"{why}: nothing is kept for later runs"
@@ -318,8 +331,8 @@ class Simulation:
 
     def _fits(self, elements: int) -> bool:
         enough = self._has_room(elements)
-        if not enough and len(STORE):
-            forget()
+        if not enough and len(self._shared):
+            self._shared.clear()
             enough = self._has_room(elements)
         return enough
 
@@ -364,23 +377,30 @@ class Simulation:
         for k, grid in enumerate(self.scene.sensors):
             gathered, doubt, rules = solver.gather(grid, seen[k], field, finer)
             mesh = error.of(gathered, doubt)
-            sensors[grid.name] = self._sensor_result(k, gathered, mesh + rules)
+            outdoors = solver.from_outdoors(seen[k], field, finer) if self._overcast else 0.0
+            sensors[grid.name] = self._sensor_result(k, gathered, mesh + rules, outdoors)
             without_mesh[grid.name] = self._sensor_result(k, gathered, rules)
         return Solved(field, finer, balance, error, sensors, without_mesh)
 
-    def _sensor_result(self, index: int, gathered: Gathered, more: FloatArray) -> SensorResult:
-        """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]"""
+    def _sensor_result(
+        self, index: int, gathered: Gathered, more: FloatArray, outdoors: FloatArray | float = 0.0
+    ) -> SensorResult:
+        """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]
+
+        ``outdoors`` (m,) of their light of sky and ground comes straight from surfaces outdoors.
+        """
         grid = self.scene.sensors[index]
         components = {name: luminous(v) for name, v in gathered.components.items()}
+        error = more + 2.0 * gathered.deviation
         return SensorResult(
             name=grid.name,
             points=grid.points,
             normals=grid.normals,
             area_m2=grid.area_m2,
             illuminance_lx=gathered.luminous(),
-            error_lx=more + 2.0 * gathered.deviation,
+            error_lx=error,
             components=components,
-            daylight_factor=self._daylight_factor(components),
+            daylight=self._daylight(components, error, outdoors),
             outline=grid.outline,
         )
 
@@ -442,23 +462,37 @@ class Simulation:
         if not scene.sensors:
             skipped["sensors"] = "no sensor grids"
 
-    def _daylight_factor(self, components: dict[str, FloatArray]) -> FloatArray | None:
-        """Share (m,) of the unobstructed sky's horizontal illuminance, under type 1 or 16 only.
-
-        None under a sky without light.
-        """
+    @property
+    def _overcast(self) -> bool:
+        """Whether the scene's own light tells daylight factors: no dark sky, and no sun."""
         sky = self.scene.sky
         if sky is None or not sky.of_daylight_factors or self.scene.sun is not None:
+            return False
+        return horizontal_illuminance(sky) > 0.0
+
+    def _daylight(
+        self,
+        components: dict[str, FloatArray],
+        error_lx: FloatArray,
+        outdoors: FloatArray | float,
+    ) -> DaylightShares | None:
+        """Shares of the unobstructed sky's horizontal illuminance, under type 1 or 16 only."""
+        sky = self.scene.sky
+        if not (self._overcast and isinstance(sky, CIESky)):
             return None
-        unobstructed = horizontal_illuminance(sky)
-        if unobstructed <= 0.0:
-            return None
-        daylight = [
-            values
-            for name, values in components.items()
-            if name.rsplit(".", 1)[0] in ("sky", "ground")
-        ]
-        return np.asarray(sum(daylight) / unobstructed)
+        nothing = np.zeros(len(error_lx))
+        straight, ground, indirect, from_ground = (
+            components.get(name, nothing)
+            for name in ("sky.direct", "ground.direct", "sky.indirect", "ground.indirect")
+        )
+        level = horizontal_illuminance(sky)
+        return DaylightShares(
+            sky_type=int(sky.type),
+            sky=straight / level,
+            external=(ground + outdoors) / level,
+            internal=(indirect + from_ground - outdoors) / level,
+            error=error_lx / level,
+        )
 
     def _images(self, field: Field, finer: Finer, solver: FieldSolver) -> dict[str, CameraImage]:
         if not self.scene.cameras:
