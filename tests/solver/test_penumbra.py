@@ -13,7 +13,7 @@ from patchlight.solver.dome import sun_cells
 from patchlight.solver.model import PatchSet, Sun
 from patchlight.solver.model.sky import direction
 
-from .fixtures_light import UP, Body, ceiling, dome, setup
+from .fixtures_light import UP, ceiling, dome, setup
 
 RADIUS = math.radians(16.0 / 60.0)
 DISC = math.sin(RADIUS) ** 2
