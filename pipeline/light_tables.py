@@ -19,6 +19,7 @@ _OF_MODEL = {
     "cie": {"type", "zenith_luminance_cd_m2", "estimated", "turbidity", "diffuse_illuminance_lx"},
     "perez": {"direct_normal_w_m2", "diffuse_horizontal_w_m2", "dew_point_c", "sun_nearness"},
     "patches": {"file", "diffuse_illuminance_lx"},
+    "weather": {"file", "time"},
 }
 _PEREZ_NEEDS = (
     "direct_normal_w_m2",
@@ -28,10 +29,15 @@ _PEREZ_NEEDS = (
 )
 
 
-class SkyTable(Table):
-    """Sky of CIE S 011 or of gensky (cie), from irradiances (perez), or as measured (patches)."""
+#: A time as text, or as TOML writes it.
+Moment = Text | Annotated[datetime.datetime, Field(strict=True)]
 
-    model: Literal["cie", "perez", "patches"] = "cie"
+
+class SkyTable(Table):
+    """Sky of CIE S 011 or of gensky (cie), from irradiances (perez), as measured (patches), or of a
+    moment of a weather file, whose irradiances make a sky of Perez (weather)."""
+
+    model: Literal["cie", "perez", "patches", "weather"] = "cie"
     type: Annotated[int, Field(strict=True)] | Text | None = None
     """cie: 1 to 15; 16, which is taken when none is given, is the traditional overcast sky; or
     overcast, uniform, clear or intermediate as by Radiance's gensky."""
@@ -55,7 +61,10 @@ class SkyTable(Table):
     sun_nearness: Number | None = None
     """perez: square of the mean distance of the sun over its distance; 1 when not given."""
     file: Text | None = None
-    """patches: text file with 145 luminances, relative to the scene file; see `read_patch_sky`."""
+    """patches: text file with 145 luminances, see `read_patch_sky`; weather: EPW file; relative to
+    the scene file."""
+    time: Moment | None = None
+    """weather: a time with its offset, or in local standard time, as the file has it."""
     cct_k: Number = 6500.0
 
     def build(self) -> None:
@@ -64,8 +73,12 @@ class SkyTable(Table):
             odd = sorted((keys - _OF_MODEL[self.model]) & self.given().keys())
             if odd:
                 raise InputError(f"{', '.join(odd)}: of model {model!r}, not {self.model!r}")
-        if self.model == "patches" and self.file is None:
-            raise InputError("model 'patches' needs file")
+        lacking = [k for k in ("file", "time") if k in _OF_MODEL[self.model] - self.given().keys()]
+        if lacking:
+            raise InputError(f"model {self.model!r} needs {' and '.join(lacking)}")
+        own_sun = {"sun_altitude_deg", "sun_azimuth_deg"} & self.given().keys()
+        if self.model == "weather" and own_sun:
+            raise InputError("sun_altitude_deg, sun_azimuth_deg: model 'weather' tells the sun")
 
     def build_with(self, sun: Sun | None, folder: Path) -> Sky:
         """The sky, with the sun's position of ``sun`` where it has none.
@@ -73,6 +86,13 @@ class SkyTable(Table):
         Files are named relative to ``folder``.
         """
         values = {k: v for k, v in self.given().items() if k not in ("model", "file")}
+        if self.model == "weather":
+            from patchlight.importers import read_weather
+            from patchlight.solver.weather_sky import sky_at
+
+            assert self.time is not None
+            found, _, _ = sky_at(read_weather(folder / str(self.file)), self.time)
+            return dataclasses.replace(found, cct_k=self.cct_k)
         own_sun = self.sun_altitude_deg is not None or self.sun_azimuth_deg is not None
         if self.model == "patches":
             from patchlight.importers import read_patch_sky
@@ -90,13 +110,14 @@ class SkyTable(Table):
 
 
 class SunTable(Table):
-    """Disc of the sun, where it stands or as it stands at a time."""
+    """Disc of the sun: at a place in the sky, as it stands at a time, or that of [sky]."""
 
     altitude_deg: Number | None = None
     azimuth_deg: Number | None = None
     """Clockwise from north. [deg]"""
-    time: Text | datetime.datetime | None = None
-    """Instead of the position, with [site]: what clocks show there, or a time with its offset."""
+    time: Moment | None = None
+    """Instead of the position, with [site]: what clocks show there, or a time with its offset.
+    With neither the sun is that of [sky]."""
     normal_illuminance_lx: Number | None = None
     """That which [sky] tells when none is given: of model perez, or with estimated = true. [lx]"""
     angular_radius_arcmin: Number = 16.0
@@ -105,24 +126,29 @@ class SunTable(Table):
     def build(self) -> None:
         """Nothing yet: the place stands in [site], and the level may stand in [sky]."""
         position = [self.altitude_deg is not None, self.azimuth_deg is not None]
-        if any(position) != all(position) or all(position) == (self.time is not None):
-            raise InputError("give altitude_deg and azimuth_deg, or time")
+        if any(position) != all(position) or (any(position) and self.time is not None):
+            raise InputError("give altitude_deg and azimuth_deg, or time, or none of them")
         if all(position):
             self.build_at(None)
 
-    def build_at(self, site: Site | None) -> Sun:
-        """The sun; dark where its level may stand in [sky]."""
+    def build_at(self, site: Site | None) -> Sun | None:
+        """The sun; dark where its level may stand in [sky], None where its position does."""
         values: dict[str, Any] = {"normal_illuminance_lx": 0.0, **self.given()}
         time = values.pop("time", None)
         if time is None:
-            return Sun(**values)
+            return None if self.altitude_deg is None else Sun(**values)
         if site is None:
             raise InputError("time: give latitude_deg and longitude_deg in [site]")
         return Sun.at(site, time, **values)
 
     def build_with(self, sky: Sky | None, site: Site | None) -> Sun:
-        """The sun, with the level that ``sky`` tells where it has none."""
+        """The sun, with the position and the level that ``sky`` tells where it has none."""
         sun = self.build_at(site)
+        if sun is None:
+            if sky is None or sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None:
+                raise InputError("give altitude_deg and azimuth_deg, or time: [sky] has no sun")
+            values = {"normal_illuminance_lx": 0.0, **self.given()}
+            sun = Sun(sky.sun_altitude_deg, sky.sun_azimuth_deg, **values)
         if self.normal_illuminance_lx is not None:
             return sun
         from patchlight.solver.perez import sun_of

@@ -229,15 +229,36 @@ def test_measured_skies_of_scene_files(folder):
         ("[sky]\nmodel = 'patches'\nfile = 'none.csv'\n", r"sky\.file: .*none\.csv: no such file"),
         ("[sky]\nmodel = 'patches'\nfile = 'sky.csv'\ntype = 3\n", "type: of model 'cie', not"),
         ("[sky]\nmodel = 'patches'\nfile = 'scene.toml'\n", r"sky: .*scene\.toml, line 1"),
+        ("[sky]\nmodel = 'weather'\n", "sky: model 'weather' needs file and time"),
+        ("[sky]\nmodel = 'weather'\nfile = 'sky.csv'\ntime = 7\n", "sky.time"),
+        ("[sun]\nnormal_illuminance_lx = 1\n", r"sun: .*or time: \[sky\] has no sun"),
         ("[sky]\nturbidity = 3.0\n", "sky: CIESky.turbidity: only"),
         ("[sun]\ntime = '2026-06-21T13:00'\nnormal_illuminance_lx = 1\n", "sun: time: give lat"),
         ("[sun]\naltitude_deg = 3\nnormal_illuminance_lx = 1\n", "sun: give altitude_deg and az"),
         (
             "[sun]\ntime = '2026-06-21T13:00'\naltitude_deg = 3\nazimuth_deg = 3\n",
-            "sun: give altitude_deg and azimuth_deg, or time",
+            "sun: give altitude_deg and azimuth_deg, or time, or none",
         ),
     ],
 )
 def test_keys_that_do_not_fit(folder, text, said):
     with pytest.raises(InputError, match=said):
         load_scene(write(folder, HEAD + text))
+
+
+def test_a_moment_of_a_weather_file(folder, sky):
+    """The sky of its irradiances, and with an empty [sun] the sun that goes with it."""
+    (folder / "a.epw").write_text(epw_text(), encoding="utf-8")
+    text = HEAD + "[sky]\nmodel = 'weather'\nfile = 'a.epw'\ntime = 2030-06-02T12:20:00\n[sun]\n"
+    scene = load_scene(write(folder, text))
+    _, found, _ = sky("--weather", folder / "a.epw", "--time", "2030-06-02T12:20")
+    assert scene.sun is not None and scene.sky is not None
+    assert scene.sun.normal_illuminance_lx == found["direct_normal_lx"] > 0.0
+    assert scene.sun.altitude_deg == scene.sky.sun_altitude_deg == found["sun_altitude_deg"]
+    assert skies.horizontal_illuminance(scene.sky) == found["diffuse_horizontal_lx"]
+    from patchlight.pipeline.scene_file import read_scene_file, resolved_config
+
+    config = resolved_config(read_scene_file(folder / "scene.toml"), folder)
+    again = folder / "again.toml"
+    again.write_text(config, encoding="utf-8")
+    assert load_scene(again).sky == scene.sky and load_scene(again).sun == scene.sun
