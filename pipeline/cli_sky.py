@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 from patchlight.solver.errors import InputError
@@ -34,6 +35,7 @@ def sky(
     zenith_luminance: float | None = None,
     estimated: Annotated[bool, Parameter(negative=())] = False,
     turbidity: float | None = None,
+    color: Literal["constant", "chain", "preetham"] | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     json_: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> int:
@@ -74,6 +76,9 @@ def sky(
         Level: what is typical at the sun's altitude.
     turbidity
         Of estimated levels of clear skies; 2.45 when not given.
+    color
+        Model of its colour by direction: one for all, by luminance (Chain 1999), or of the clear
+        sky (Preetham 1999).
     output
         Picture to write, a PNG file.
     json_
@@ -109,6 +114,7 @@ def sky(
             shown = _of_irradiance(direct, diffuse, altitude, azimuth)
         else:
             shown = _of_type(type_, altitude, azimuth, levels)
+    shown = dataclasses.replace(shown, color=color)
     if output is not None:
         from patchlight.reports.files import write_bytes
         from patchlight.reports.sky_figure import sky_png

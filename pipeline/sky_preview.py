@@ -19,16 +19,22 @@ from patchlight.solver.skies import (
 
 #: Directions of the printed table. [deg]
 ALTITUDES = (75.0, 60.0, 45.0, 30.0, 15.0, 5.0)
+#: What is said of modelled colours.
+COLOR_DOUBT = "models differ by 0.02 in x and y"
 COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 @dataclass(frozen=True, slots=True)
 class SkyPreview:
-    """A sky, the sun that goes with it if there is one, and remarks on both."""
+    """A sky, the sun that goes with it if there is one, and remarks on both.
+
+    ``color`` names a model of `patchlight.solver.sky_color` for the colour of each direction.
+    """
 
     sky: Sky
     sun: Sun | None = None
     remarks: tuple[str, ...] = ()
+    color: str | None = None
 
     @property
     def levels(self) -> dict[str, float]:
@@ -73,14 +79,38 @@ class SkyPreview:
         for altitude in ALTITUDES:
             row = self._at([(altitude, 45.0 * k) for k in range(len(COMPASS))])
             lines.append(f"{altitude:>4.0f}  " + "".join(f"{value:>9,.0f}" for value in row))
-        return "\n".join(lines)
+        return "\n".join(lines + self._color_lines())
+
+    def _color_lines(self) -> list[str]:
+        """Table of colour temperatures, where a colour model is asked for."""
+        if self.color is None:
+            return []
+        from patchlight.solver.spectra import correlated_temperature
+
+        lines = [f"colour temperature [K], modelled ({self.color}; {COLOR_DOUBT})"]
+        for altitude in ALTITUDES:
+            xy = self._colors([(altitude, 45.0 * k) for k in range(len(COMPASS))])
+            row = correlated_temperature(xy)
+            lines.append(f"{altitude:>4.0f}  " + "".join(f"{value:>9,.0f}" for value in row))
+        return lines
 
     def record(self) -> dict[str, Any]:
         """The same for scripts, with luminances at the middles of the 145 patches of Tregenza."""
         from patchlight.reports.inputs import sky_text
 
         altitude, azimuth = patch_middles()
-        values = self._at(list(zip(altitude, azimuth, strict=True)))
+        places = list(zip(altitude.tolist(), azimuth.tolist(), strict=True))
+        rows: list[dict[str, float]] = [
+            {"altitude_deg": place[0], "azimuth_deg": place[1], "luminance_cd_m2": value}
+            for place, value in zip(places, self._at(places).tolist(), strict=True)
+        ]
+        if self.color is not None:
+            from patchlight.solver.sky_color import daylight_weights
+
+            xy = self._colors(places)
+            for row, color, weights in zip(rows, xy, daylight_weights(xy), strict=True):
+                row |= dict(zip(("x", "y"), color.tolist(), strict=True))
+                row |= dict(zip(("m1", "m2"), weights.tolist(), strict=True))
         position = self.sun_position
         return {
             "schema_version": 1,
@@ -89,14 +119,16 @@ class SkyPreview:
             "remarks": list(self.remarks),
             "sun_altitude_deg": None if position is None else position[0],
             "sun_azimuth_deg": None if position is None else position[1],
+            "color_model": None if self.color is None else f"{self.color}, modelled",
             **self.levels,
-            "luminance": [
-                {"altitude_deg": a, "azimuth_deg": b, "luminance_cd_m2": v}
-                for a, b, v in zip(
-                    altitude.tolist(), azimuth.tolist(), values.tolist(), strict=True
-                )
-            ],
+            "luminance": rows,
         }
+
+    def _colors(self, places: list[tuple[float, float]]) -> FloatArray:
+        from patchlight.solver.sky_color import sky_chromaticity
+
+        d = np.array([direction(*place) for place in places])
+        return sky_chromaticity(self.sky, d, str(self.color))
 
     def _at(self, places: list[tuple[float, float]]) -> FloatArray:
         return luminance(self.sky, np.array([direction(*place) for place in places]))

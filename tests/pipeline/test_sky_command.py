@@ -162,6 +162,25 @@ def test_picture(sky, tmp_path):
     assert code == 2 and err.count("\n") == 1
 
 
+def test_colours(sky, capsys):
+    """Chromaticity and daylight weights of every patch, and a table that says they are modelled."""
+    place = ("--sun-altitude", 40, "--sun-azimuth", 0)
+    _, found, _ = sky(12, *place, "--color", "preetham")
+    top = found["luminance"][144]
+    assert (top["x"], top["y"]) == pytest.approx((0.2444, 0.2505), abs=1e-4)
+    assert "modelled" in found["color_model"]
+    # D65 nearly: M1 = -0.296, M2 = -0.688 of the CIE.
+    _, even, _ = sky(16, "--color", "constant")
+    row = even["luminance"][7]
+    assert (row["m1"], row["m2"]) == pytest.approx((-0.296, -0.688), abs=5e-3)
+    capsys.readouterr()
+    assert main(["sky", "overcast", "--color", "chain"]) == 0
+    text = capsys.readouterr().out
+    assert "modelled (chain; models differ by 0.02 in x and y)" in text
+    assert main(["sky", "overcast", "--color", "preetham"]) == 2
+    assert "has no sun" in capsys.readouterr().err
+
+
 HEAD = 'schema_version = 1\n[[model]]\nfile = "desk.step"\n'
 SITE = '[site]\nlatitude_deg = 51.5\nlongitude_deg = 0\ntimezone = "Europe/London"\n'
 
