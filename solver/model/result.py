@@ -122,9 +122,10 @@ class SensorResult:
         relative = (values["E_min_lx"] + mean_error) / mean if mean > 0.0 else 0.0
         values["U0"] = float(relative)
         if self.daylight is not None:
-            # No share is known worse than their sum is by more than its own error.
+            # No share of it is known worse than the whole; one that nothing sends is known.
             share = 100.0 * self.mean(self.daylight.error)
-            values |= dict.fromkeys(("DF_avg_percent", "DF_median_percent", *self._shares()), share)
+            values |= dict.fromkeys(("DF_avg_percent", "DF_median_percent"), share)
+            values |= {name: share if v.any() else 0.0 for name, v in self._shares().items()}
         return values
 
 

@@ -66,6 +66,8 @@ def test_in_the_open():
     metrics = result.sensors["wall"].metrics
     assert metrics["VSC_avg_percent"] == pytest.approx(100 * vertical, rel=1e-6)
     assert "VSC_avg_percent" not in result.sensors["level"].metrics
+    errors = result.sensors["level"].metric_errors
+    assert errors["ERC_avg_percent"] == 0.0 < errors["SC_avg_percent"]
     # Type 1 is another sky: 0.3792 of it on a wall, by quadrature.
     scene.daylight_factor = DaylightFactors(sky_type=1)
     other = of(simulate(scene, accuracy=0.01), "wall")
