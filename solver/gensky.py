@@ -71,13 +71,11 @@ def estimated_zenith_luminance(sky: CIESky) -> float:
 
 
 def at_zenith(sky: CIESky) -> float:
-    """What the program divides the formula of a sky by, to have 1 at the zenith.
+    """What the program divides the formula of a clear or intermediate sky by, at the zenith 1.
 
     It is rounded: at the zenith the clear sky is 5e-4 darker than its zenith luminance, the
-    intermediate one up to 3e-4 brighter or darker. Of other skies it is exact.
+    intermediate one up to 3e-4 brighter or darker.
     """
-    if sky.type in (1, 5, 16):
-        return {1: 1.0 + 4.0 * math.exp(-0.7), 5: 1.0, 16: 3.0}[int(sky.type)]
     altitude = math.radians(float(sky.sun_altitude_deg or 0.0))
     zenith = 0.5 * math.pi - altitude
     if sky.type == "intermediate":

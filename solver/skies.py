@@ -35,7 +35,7 @@ from .gensky import (
 from .model.arrays import FloatArray, frozen
 from .model.bezier import gauss_rule
 from .model.patch_sky import PatchSky
-from .model.sky import CIESky, Ground, PerezSky, Sky, Sun, direction
+from .model.sky import OWN_FORMULAS, CIESky, Ground, PerezSky, Sky, Sun, direction
 from .patch_sky import patch_illuminance, patch_numbers
 from .perez import sky_illuminance, sky_shape
 
@@ -170,10 +170,11 @@ def _integral(sky: Sky) -> float:
 
 def _level(sky: Sky) -> float:
     """Luminance over φ f. [cd/m²]"""
-    if isinstance(sky, CIESky) and sky.estimated:
-        return estimated_zenith_luminance(sky) / at_zenith(sky)
-    if isinstance(sky, CIESky) and sky.zenith_luminance_cd_m2 is not None:
-        return float(sky.zenith_luminance_cd_m2 / _form(sky, (0.0, 0.0, 1.0)))
+    if isinstance(sky, CIESky):
+        given = estimated_zenith_luminance(sky) if sky.estimated else sky.zenith_luminance_cd_m2
+        if given is not None:
+            own = sky.estimated and sky.type in OWN_FORMULAS
+            return float(given / (at_zenith(sky) if own else _form(sky, (0.0, 0.0, 1.0))))
     if isinstance(sky, PatchSky) and sky.diffuse_illuminance_lx is None:
         return 1.0
     # Not by the zenith, which may be black.

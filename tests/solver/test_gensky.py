@@ -126,6 +126,13 @@ def test_illuminance_of_the_sun(altitude, lux):
     assert estimated_sun_illuminance(CIESky("overcast", sun_altitude_deg=altitude)) == 0.0
 
 
+@pytest.mark.parametrize("kind", [1, 5, 12, 16])
+def test_estimates_of_standard_skies(kind):
+    """Their own form, which is 1 at the zenith."""
+    one = sky(kind, 50.0, estimated=True)
+    assert skies.zenith_luminance(one) == pytest.approx(estimated_zenith_luminance(one), rel=1e-14)
+
+
 def test_turbidity():
     """(1.376 T − 1.81) tan γ + 0.38 kcd/m², half of it in the intermediate sky."""
     for kind, share in (("clear", 1.0), (12, 1.0), ("intermediate", 0.5)):
