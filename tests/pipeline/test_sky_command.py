@@ -213,6 +213,7 @@ def test_scene_files_say_all_that_the_api_can(folder, sky):
     assert scene.sky == expected
     assert scene.sun is not None and scene.sun.altitude_deg == sun.altitude_deg
     assert scene.sun.normal_illuminance_lx == estimated_sun_illuminance(expected)
+    assert any("level of the sky is estimated" in note for note in scene.freeze().notes)
     _, found, _ = sky("--scene", folder / "scene.toml")
     assert found["direct_normal_lx"] == scene.sun.normal_illuminance_lx
     # TOML has times of its own.
