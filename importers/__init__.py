@@ -1,4 +1,5 @@
-"""Importers: STEP and CadQuery models as exact patches, photometric files, weather files.
+"""Importers: STEP and CadQuery models as exact patches, photometric files, weather files,
+measured skies.
 
 Importing this loads no CAD kernel.
 """
@@ -12,6 +13,7 @@ from patchlight.solver.lazy import lazy_attributes
 if TYPE_CHECKING:
     from .cadquery_model import from_cadquery
     from .describe import inspection
+    from .patch_sky import read_patch_sky
     from .photometry import read_photometry
     from .selection import cad_face, select_faces
     from .step import read_step
@@ -21,6 +23,7 @@ __all__ = [
     "cad_face",
     "from_cadquery",
     "inspection",
+    "read_patch_sky",
     "read_photometry",
     "read_step",
     "read_weather",
@@ -31,6 +34,7 @@ _HOME = {
     "cad_face": ".selection",
     "from_cadquery": ".cadquery_model",
     "inspection": ".describe",
+    "read_patch_sky": ".patch_sky",
     "read_photometry": ".photometry",
     "read_step": ".step",
     "read_weather": ".weather",

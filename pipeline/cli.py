@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 from patchlight.solver.errors import PatchlightError
 
+from .cli_sky import sky
 from .doctoring import version
 
 OK, REQUIREMENT_FAILED, BAD_INPUT, NOT_CONVERGED, BATCH_FAILED, INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -271,6 +272,9 @@ def demo(
         options = RunOptions(output, accuracy, threads, pdf=pdf, force=force, own_files=own)
         done = run_file(scene, options, talk)
     return _report(done)
+
+
+app.command(sky)
 
 
 @app.command

@@ -26,7 +26,7 @@ from patchlight.solver.model import (
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.sky import direction
 
-from .assigning import full_path
+from .assigning import full_path, matched_parts, row_offsets
 from .coincident import with_one_of_each
 from .flush import with_flush_faces
 from .frames import part_placements, transformed_normals, transformed_points
@@ -48,7 +48,11 @@ def frozen_scene(scene: Scene) -> SceneData:
     problems = Problems()
     with problems.under():
         check_sun(scene.sky, scene.sun)
-    asked = (r.problem(scene.grids, scene.sky, scene.sun) for r in scene.requirements)
+    beside = scene.daylight_factor is not None
+    asked = (
+        r.problem(scene.grids, scene.sky, scene.sun, daylight_factor=beside)
+        for r in scene.requirements
+    )
     problems.add(text for text in asked if text)
     data = None
     with problems.under():
@@ -63,7 +67,13 @@ def frozen_scene(scene: Scene) -> SceneData:
 
     sensors, grid_notes = resolved_sensors(scene, data, problems)
     problems.raise_any()
-    data = dataclasses.replace(data, sensors=sensors)
+    data = dataclasses.replace(
+        data,
+        sensors=sensors,
+        daylight_factors=scene.daylight_factor,
+        outdoor_parts=_outdoor_parts(scene, problems),
+    )
+    problems.raise_any()
     return dataclasses.replace(
         data, notes=(*scene.notes, *data.notes, *lamp_notes, *grid_notes, *scene_notes(scene, data))
     )
@@ -243,6 +253,18 @@ def _ground(scene: Scene) -> Ground | None:
     if scene.ground is not None:
         return scene.ground
     return Ground(0.2) if scene.sky is not None or scene.sun is not None else None
+
+
+def _outdoor_parts(scene: Scene, problems: Problems) -> tuple[int, ...]:
+    """Rows of the parts that daylight factors count as outdoors."""
+    asked, starts = scene.daylight_factor, row_offsets(scene.entries)[0]
+    found: set[int] = set()
+    for pattern in () if asked is None else asked.outside:
+        with problems.under():
+            label = f"daylight_factor.outside {pattern!r}"
+            hits = matched_parts(scene.entries, pattern, label=label)
+            found |= {starts[name] + k for name, k in hits}
+    return tuple(sorted(found))
 
 
 def check_sun(sky: Sky | None, sun: Sun | None) -> None:

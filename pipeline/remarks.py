@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from patchlight.solver.model import PerezSky, SceneData
+from patchlight.solver.model import CIESky, PerezSky, SceneData
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -64,6 +64,11 @@ def _light(data: SceneData) -> list[str]:
     if data.sky is not None and data.sky.relative:
         notes.append(
             "the sky has no level of its own: scaled to 10 000 lx diffuse horizontal (relative)"
+        )
+    if isinstance(data.sky, CIESky) and data.sky.estimated:
+        notes.append(
+            "the level of the sky is estimated from the sun's altitude: skies of this kind may be "
+            "half or twice as bright"
         )
     if isinstance(data.sky, PerezSky) and data.sky.direct_normal_w_m2 > 0.0 and data.sun is None:
         notes.append(

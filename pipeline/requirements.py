@@ -10,6 +10,12 @@ from difflib import get_close_matches
 from patchlight.solver.errors import InputError
 from patchlight.solver.model import Sky, Sun
 
+#: Metrics that are shares of the light of an overcast sky.
+DAYLIGHT_METRICS = frozenset({
+    "DF_avg_percent", "DF_median_percent", "SC_avg_percent", "ERC_avg_percent", "IRC_avg_percent",
+    "VSC_avg_percent",
+})  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
@@ -37,15 +43,25 @@ class Requirement:
                 f"{name}: min = {self.min:g} lies above max = {self.max:g}: nothing can meet both"
             )
 
-    def problem(self, grids: Collection[str], sky: Sky | None, sun: Sun | None) -> str:
-        """Why a scene with these grids and this light has no such value; empty when it has."""
+    def problem(
+        self,
+        grids: Collection[str],
+        sky: Sky | None,
+        sun: Sun | None,
+        *,
+        daylight_factor: bool = False,
+    ) -> str:
+        """Why a scene with these grids and this light has no such value; empty when it has.
+
+        With ``daylight_factor`` those are found beside the light of the scene.
+        """
         if self.sensors not in grids:
             return f"requirement on {unknown_grid(self.sensors, grids)}"
-        daylight = sky is not None and sky.of_daylight_factors and sun is None
-        if self.metric.startswith("DF_") and not daylight:
+        overcast = sky is not None and sky.of_daylight_factors and sun is None
+        if self.metric in DAYLIGHT_METRICS and not (overcast or daylight_factor):
             return (
-                f"requirement on {self.sensors!r} {self.metric}: daylight factors need an overcast "
-                "sky (type 1 or 16) without a sun"
+                f"requirement on {self.sensors!r} {self.metric}: daylight factors need "
+                "daylight_factor = true, or an overcast sky (type 1 or 16) without a sun"
             )
         return ""
 

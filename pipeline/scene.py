@@ -14,12 +14,14 @@ from patchlight.solver.model import (
     Air,
     Camera,
     CIESky,
+    DaylightFactors,
     Emitter,
     Glass,
     Ground,
     Material,
     Model,
     PatchSet,
+    PatchSky,
     PerezSky,
     SceneData,
     Sensors,
@@ -164,6 +166,7 @@ class Scene:
         self._sky: Sky | None = None
         self._sun: Sun | None = None
         self._ground: Ground | None = None
+        self._daylight_factor: DaylightFactors | None = None
         if model is not None:
             self.add(model)
 
@@ -176,7 +179,7 @@ class Scene:
 
     @sky.setter
     def sky(self, value: Sky | None) -> None:
-        self._sky = _checked("sky", value, CIESky, PerezSky)
+        self._sky = _checked("sky", value, CIESky, PerezSky, PatchSky)
 
     @property
     def sun(self) -> Sun | None:
@@ -195,6 +198,17 @@ class Scene:
     @ground.setter
     def ground(self, value: Ground | None) -> None:
         self._ground = _checked("ground", value, Ground)
+
+    @property
+    def daylight_factor(self) -> DaylightFactors | None:
+        """Daylight factors to be found beside the light of the scene; True is those of type 16."""
+        return self._daylight_factor
+
+    @daylight_factor.setter
+    def daylight_factor(self, value: DaylightFactors | bool | None) -> None:
+        if isinstance(value, bool):
+            value = DaylightFactors() if value else None
+        self._daylight_factor = _checked("daylight_factor", value, DaylightFactors)
 
     # --- things -------------------------------------------------------------------------------
 

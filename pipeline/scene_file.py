@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from patchlight.solver.errors import InputError, MissingFileError, PatchlightError
-from patchlight.solver.model import Emitter, Photometry
+from patchlight.solver.model import Emitter, Photometry, Site, Sky, Sun
 
 from .frames import up_matrix
 from .grids import check_pattern
@@ -157,7 +157,11 @@ def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
         name = table.get("sensors")
         if isinstance(name, str) and name not in grids:
             problems.append(f"requirements[{k}].sensors: {unknown_grid(name, grids)}")
-    problems += _light_problems(values, grids)
+    sky = values.get("sky")
+    name = sky.get("file") if isinstance(sky, dict) else None
+    if isinstance(name, str) and name and not (folder / name).is_file():
+        return [*problems, f"sky.file: {folder / name}: no such file"]
+    problems += _light_problems(values, grids, folder)
     return problems
 
 
@@ -176,31 +180,39 @@ def photometry_files(file: SceneFile, folder: Path) -> list[Path]:
     return list(dict.fromkeys(folder / e.photometry for e in emitters if e.photometry))
 
 
-def _light_problems(values: dict[str, Any], grids: list[str]) -> list[str]:
+def _light_problems(values: dict[str, Any], grids: list[str], folder: Path) -> list[str]:
     """What is wrong with the sky, which may take the sun's position, and with asking for it."""
     from pydantic import ValidationError
 
     from .freezing import check_sun
     from .light_tables import SkyTable, SunTable
-    from .scene_schema import RequirementTable
+    from .scene_schema import RequirementTable, SiteTable
 
-    sun = sky = None
+    sun = sky = site = disc = None
+    try:
+        site = SiteTable.model_validate(values.get("site") or {}).build()
+    except ValidationError:  # reported with its key; any place serves to check the rest
+        site = Site(0.0, 0.0, timezone="UTC")
     if values.get("sun") is not None:
         try:
             sun = SunTable.model_validate(values["sun"])
-        except ValidationError:  # reported with its key; any position serves to check the rest
+        except ValidationError:  # as above
             sun = SunTable(altitude_deg=45.0, azimuth_deg=180.0, normal_illuminance_lx=0.0)
     try:
+        disc = None if sun is None else sun.build_at(site)
+    except PatchlightError as error:
+        return [f"sun: {error}"]
+    try:
         if values.get("sky") is not None:
-            sky = SkyTable.model_validate(values["sky"]).build_with(sun)
-            check_sun(sky, None if sun is None else sun.build())
+            sky = SkyTable.model_validate(values["sky"]).build_with(disc, folder)
+            check_sun(sky, disc)
     except ValidationError:
         return []  # reported with its key
     except PatchlightError as error:
         return [f"sky: {error}"]
     problems = []
     try:
-        lit_by = None if sun is None else sun.build_with(sky)
+        lit_by = None if sun is None else sun.build_with(sky, site)
     except PatchlightError as error:
         return [f"sun: {error}"]
     for k, table in enumerate(_tables(values, "requirements")):
@@ -208,7 +220,8 @@ def _light_problems(values: dict[str, Any], grids: list[str]) -> list[str]:
             asked = RequirementTable.model_validate(table).build()
         except ValidationError:
             continue  # reported with its key
-        lit = asked.problem([asked.sensors, *grids], sky, lit_by)
+        beside = bool(values.get("daylight_factor"))
+        lit = asked.problem([asked.sensors, *grids], sky, lit_by, daylight_factor=beside)
         if lit:
             problems.append(f"requirements[{k}]: {lit}")
     return problems
@@ -217,6 +230,18 @@ def _light_problems(values: dict[str, Any], grids: list[str]) -> list[str]:
 def _tables(values: dict[str, Any], key: str) -> list[dict[str, Any]]:
     tables = values.get(key)
     return [t for t in tables if isinstance(t, dict)] if isinstance(tables, list) else []
+
+
+def light_of_file(path: Path) -> tuple[Sky | None, Sun | None]:
+    """Sky and sun of a scene file; its models are not read."""
+    return _light(read_scene_file(path), path)
+
+
+def _light(file: SceneFile, path: Path) -> tuple[Sky | None, Sun | None]:
+    site = file.site.build()
+    disc = None if file.sun is None else file.sun.build_at(site)
+    sky = None if file.sky is None else file.sky.build_with(disc, path.parent)
+    return sky, None if file.sun is None else file.sun.build_with(sky, site)
 
 
 def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
@@ -272,9 +297,10 @@ def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
                     layer=assign.layer,
                     color=assign.color,
                 )
-    scene.sky = None if file.sky is None else file.sky.build_with(file.sun)
-    scene.sun = None if file.sun is None else file.sun.build_with(scene.sky)
+    scene.sky, scene.sun = _light(file, path)
     scene.ground = None if file.ground is None else file.ground.build()
+    beside = file.daylight_factor
+    scene.daylight_factor = beside if isinstance(beside, bool) else beside.build()
     for k, grid in enumerate(file.sensors):
         with problems.under(f"sensors[{k}]"):
             built = grid.build()
@@ -304,6 +330,10 @@ def resolved_config(file: SceneFile, folder: Path, *, remarks: tuple[str, ...] =
         table["file"] = str(full)
         lines.insert(-1, f"# sha256 {file_hash(full)} {full.name}")
     for full in photometry_files(file, folder):
+        lines.insert(-1, f"# sha256 {file_hash(full)} {full.name}")
+    if "file" in values.get("sky", {}):
+        full = (folder / values["sky"]["file"]).resolve()
+        values["sky"]["file"] = str(full)
         lines.insert(-1, f"# sha256 {file_hash(full)} {full.name}")
     for table in values["assign"]:
         if "photometry" in table.get("emitter", {}):

@@ -16,7 +16,7 @@ from pydantic import Field, StrictBool
 
 from .assigning import srgb8
 from .grids import SensorGrid
-from .light_tables import GroundTable, SkyTable, SunTable
+from .light_tables import DaylightFactorTable, GroundTable, SkyTable, SunTable
 from .requirements import Requirement
 from .scene import COLORS
 from .scene_table import Number, Table, Text
@@ -303,6 +303,8 @@ class SceneFile(Table):
     sky: SkyTable | None = None
     sun: SunTable | None = None
     ground: GroundTable | None = None
+    daylight_factor: StrictBool | DaylightFactorTable = False
+    """Whether daylight factors are found beside other light; a table says more."""
     sensors: list[SensorsTable] = Field(default_factory=list)
     cameras: list[CameraTable] = Field(default_factory=list)
     requirements: list[RequirementTable] = Field(default_factory=list)

@@ -7,7 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from patchlight.solver.model import Luminaire, PerezSky, SceneData, Sky
+from patchlight.solver.model import (
+    CIESky,
+    Luminaire,
+    PatchSky,
+    PerezSky,
+    SceneData,
+    SensorResult,
+    Sky,
+)
 from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
 from patchlight.solver.skies import horizontal_illuminance
 
@@ -46,9 +54,23 @@ def sky_text(sky: Sky | None) -> str:
             f"{f.number(sky.dew_point_c)} °C; sun at "
             f"{_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}; {f.number(sky.cct_k, 4)} K"
         )
-    number = int(sky.type)
-    text = f"CIE type {number}, {SKY_TYPES[number]}"
-    if sky.diffuse_illuminance_lx is not None:
+    if isinstance(sky, PatchSky):
+        scaled = "as measured" if sky.diffuse_illuminance_lx is None else "scaled"
+        text = (
+            f"145 patches of even luminance; {f.number(horizontal_illuminance(sky))} lx diffuse "
+            f"horizontal, {scaled}"
+        )
+        if sky.sun_altitude_deg is not None:
+            text += f"; sun at {_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}"
+        return text + f"; {f.number(sky.cct_k, 4)} K"
+    known = f"CIE type {sky.type}, {SKY_TYPES[sky.type]}" if isinstance(sky.type, int) else ""
+    text = known or f"{sky.type} sky as by Radiance's gensky"
+    if sky.estimated:
+        text += (
+            f"; level estimated from the sun's altitude{_turbidity(sky)}: "
+            f"{f.number(horizontal_illuminance(sky))} lx diffuse horizontal"
+        )
+    elif sky.diffuse_illuminance_lx is not None:
         text += f"; {f.number(sky.diffuse_illuminance_lx)} lx diffuse horizontal"
     elif sky.zenith_luminance_cd_m2 is not None:
         text += f"; zenith luminance {f.number(sky.zenith_luminance_cd_m2)} cd/m²"
@@ -57,6 +79,17 @@ def sky_text(sky: Sky | None) -> str:
     if sky.needs_sun:
         text += f"; sun at {_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}"
     return text + f"; {f.number(sky.cct_k, 4)} K"
+
+
+def _turbidity(sky: CIESky) -> str:
+    return "" if sky.turbidity is None else f" and the turbidity {sky.turbidity:g}"
+
+
+def overcast_text(grid: SensorResult) -> str:
+    """The sky that the daylight factors of a grid hold under; empty where there are none."""
+    if grid.daylight is None:
+        return ""
+    return f"{SKY_TYPES[grid.daylight.sky_type]}, type {grid.daylight.sky_type}"
 
 
 def _position(altitude: float | None, azimuth: float | None) -> str:

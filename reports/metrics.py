@@ -23,6 +23,10 @@ QUANTITIES = {
     "U0": ("uniformity E_min / E_avg", "1"),
     "DF_avg_percent": ("mean daylight factor", "%"),
     "DF_median_percent": ("median daylight factor", "%"),
+    "SC_avg_percent": ("mean sky component", "%"),
+    "ERC_avg_percent": ("mean externally reflected component", "%"),
+    "IRC_avg_percent": ("mean internally reflected component", "%"),
+    "VSC_avg_percent": ("mean vertical sky component", "%"),
 }
 
 
@@ -132,7 +136,11 @@ def _evaluate(result: Result, requirement: Mapping[str, Any]) -> RequirementResu
         if not values:
             reason = f"{grid_name} has no valid points"
         elif value is None:
-            reason = "the daylight factor needs an overcast sky (CIE type 1 or 16)"
+            upright = "; VSC is of upright sensors" if metric.startswith("VSC") else ""
+            reason = (
+                "daylight factors need daylight_factor = true, or an overcast sky (type 1 or 16) "
+                f"without a sun{upright}"
+            )
     if low is None and high is None and not reason:
         reason = "neither min nor max is given"
     found = UNDECIDED

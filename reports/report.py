@@ -160,6 +160,8 @@ def _grid(
         "name": name,
         "row": summary.grid_row(name, grid),
         "components": summary.component_rows(grid),
+        "daylight": summary.daylight_rows(grid),
+        "daylight_sky": inputs.overcast_text(grid),
         "plan": "",
         "histogram": "",
         "facts": "",

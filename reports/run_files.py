@@ -201,9 +201,11 @@ def grid_csv(grid: SensorResult) -> str:
     for component, lux in grid.components.items():
         columns.append(f"E_{component}_lx")
         values.append(lux)
-    if grid.daylight_factor is not None:
-        columns.append("DF_percent")
-        values.append(100.0 * grid.daylight_factor)
+    if grid.daylight is not None:
+        shares = grid.daylight
+        columns += ["DF_percent", "DF_error_percent", "SC_percent", "ERC_percent", "IRC_percent"]
+        found = (shares.total, shares.error, shares.sky, shares.external, shares.internal)
+        values += [100.0 * v for v in found]
     rows = [[i, *(f"{float(v[i]):.9g}" for v in values)] for i in range(len(grid.illuminance_lx))]
     return csv_text(columns, rows)
 

@@ -10,7 +10,7 @@ import numpy as np
 from patchlight.solver.model import Result, SensorResult
 
 from . import formats as f
-from .metrics import FAIL, PASS, UNDECIDED, RequirementResult, grid_metrics
+from .metrics import FAIL, PASS, QUANTITIES, UNDECIDED, RequirementResult, grid_metrics
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,6 @@ def finite_points(grid: SensorResult) -> SensorResult:
     keep = np.isfinite(grid.illuminance_lx)
     if keep.all():
         return grid
-    daylight = grid.daylight_factor
     return replace(
         grid,
         points=grid.points[keep],
@@ -91,7 +90,7 @@ def finite_points(grid: SensorResult) -> SensorResult:
         illuminance_lx=grid.illuminance_lx[keep],
         error_lx=grid.error_lx[keep],
         components={k: np.asarray(v)[keep] for k, v in grid.components.items()},
-        daylight_factor=None if daylight is None else daylight[keep],
+        daylight=None if grid.daylight is None else grid.daylight.take(np.flatnonzero(keep)),
     )
 
 
@@ -103,6 +102,21 @@ def grid_row(name: str, grid: SensorResult) -> dict[str, str]:
     for key in ("E_avg_lx", "E_min_lx", "E_max_lx", "U0", "DF_avg_percent", "DF_median_percent"):
         row[key] = f.with_error(values.get(key), errors.get(key))
     return row
+
+
+def daylight_rows(grid: SensorResult) -> list[dict[str, str]]:
+    """Mean daylight factor and its shares. [%]"""
+    grid = finite_points(grid)
+    values, errors = grid_metrics(grid)
+    names = ["SC_avg_percent", "ERC_avg_percent", "IRC_avg_percent", "DF_avg_percent"]
+    return [
+        {
+            "name": "daylight factor" if key.startswith("DF") else QUANTITIES[key][0][5:],
+            "value": f.with_error(values[key], errors.get(key)),
+        }
+        for key in names
+        if key in values
+    ]
 
 
 def component_rows(grid: SensorResult) -> list[dict[str, str]]:

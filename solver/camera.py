@@ -25,6 +25,7 @@ from .skies import (
     sun_direction,
     sun_horizontal_illuminance,
     sun_luminance,
+    with_patches,
 )
 from .spectra import cct_to_rgb
 from .vertex_values import corner_values
@@ -286,4 +287,4 @@ def _environment(scene: SceneData, *, grey: bool) -> FloatArray:
     if brightest > 0.0:
         # The colour of the light that falls on the grey ground, at the ground's luminance.
         out[kernel.GROUND : kernel.GROUND + 3] = ground * level / float(luminous(ground))
-    return frozen(out)
+    return frozen(with_patches(out, sky))

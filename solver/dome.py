@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,15 +17,19 @@ from .errors import NumericsError
 from .kernels.dome import dome_rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
+from .model.patch_sky import ROW_COUNTS, ROW_ENDS_DEG, PatchSky
 from .model.shapes import arc, frame
 from .model.sky import Sky, Sun, direction
-from .skies import sky_tone
+from .patch_sky import patch_numbers
+from .skies import patch_luminances, sky_tone
 from .topology import writable
 
 #: Receivers per kernel call.
 ROWS_PER_BLOCK = 64
 #: How often a cell of the dome is quartered at most: 45° / 2^9 is 5 arcmin.
 LEVELS = 9
+#: Azimuths closer than this are one. [rad]
+_CLOSE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,27 +74,61 @@ def carried_variance(variance: FloatArray, of: FloatArray, to: FloatArray) -> Fl
 def dome_cells(low_deg: float, high_deg: float, *, azimuths: int = 8, bands: int = 2) -> FloatArray:
     """Cells (azimuths x bands, 4, 4, 4) between two altitudes, seen from inside. [deg]"""
     cuts = np.radians(np.linspace(low_deg, high_deg, bands + 1))
-    nets = []
-    for k in range(azimuths):
-        a = arc(2.0 * math.pi * k / azimuths, 2.0 * math.pi * (k + 1) / azimuths)
-        for lower, upper in zip(cuts[:-1], cuts[1:], strict=True):
-            g = arc(lower, upper)
-            c, s = g[:, 0].copy(), g[:, 1].copy()
-            if lower == 0.0:
-                s[0] = 0.0
-            if abs(upper - 0.5 * math.pi) < 1e-12:
-                c[-1] = 0.0  # the zenith exactly
-            if upper == 0.0:
-                s[-1] = 0.0
-            if abs(lower + 0.5 * math.pi) < 1e-12:
-                c[0] = 0.0
-            net = np.zeros((4, 4, 4))
-            net[..., 0] = a[:, None, 0] * c[None, :]
-            net[..., 1] = a[:, None, 1] * c[None, :]
-            net[..., 2] = a[:, None, 2] * s[None, :]
-            # u runs with the azimuth, v upwards: seen from inside that is clockwise.
-            nets.append(net[::-1])
-    return np.ascontiguousarray(nets)
+    turns = 2.0 * math.pi * np.arange(azimuths + 1) / azimuths
+    return np.ascontiguousarray([
+        dome_cell(start, end, lower, upper)
+        for start, end in pairwise(turns.tolist())
+        for lower, upper in pairwise(cuts.tolist())
+    ])  # fmt: skip
+
+
+def dome_cell(start: float, end: float, lower: float, upper: float) -> FloatArray:
+    """One cell (4, 4, 4) between two azimuths, from x towards y, and two altitudes. [rad]"""
+    a, g = arc(start, end), arc(lower, upper)
+    c, s = g[:, 0].copy(), g[:, 1].copy()
+    if lower == 0.0:
+        s[0] = 0.0
+    if abs(upper - 0.5 * math.pi) < 1e-12:
+        c[-1] = 0.0  # the zenith exactly
+    if upper == 0.0:
+        s[-1] = 0.0
+    if abs(lower + 0.5 * math.pi) < 1e-12:
+        c[0] = 0.0
+    net = np.zeros((4, 4, 4))
+    net[..., 0] = a[:, None, 0] * c[None, :]
+    net[..., 1] = a[:, None, 1] * c[None, :]
+    net[..., 2] = a[:, None, 2] * s[None, :]
+    # u runs with the azimuth, v upwards: seen from inside that is clockwise.
+    return net[::-1]
+
+
+def patch_cells(
+    sky: PatchSky, start: float = 0.0, end: float = 2.0 * math.pi
+) -> tuple[FloatArray, FloatArray]:
+    """Cells (c, 4, 4, 4) of even luminance between two azimuths, and that of each (c,). [cd/m²]
+
+    Azimuths are counted from x towards y. [rad]
+    """
+    level = patch_luminances(sky)
+    nets, shine = [], []
+    for row, count in enumerate(ROW_COUNTS):
+        step = 2.0 * math.pi / count
+        low, high = np.radians(ROW_ENDS_DEG[row : row + 2])
+        cuts = [start, end]
+        if count > 1:
+            # Edges lie half way between middles, which are whole steps from y.
+            every = 0.5 * math.pi + (np.arange(2 * count + 1) - count + 0.5) * step
+            cuts += [c for c in every if start + _CLOSE < c < end - _CLOSE]
+        # Cells are wedges of less than half a turn.
+        cuts += [c for c in np.arange(8) * math.pi / 4 if start + _CLOSE < c < end - _CLOSE]
+        ends = np.unique(np.round(cuts, 12))
+        for a, b in zip(ends[:-1], ends[1:], strict=True):
+            middle, up = 0.5 * (a + b), 0.5 * (low + high)
+            flat = math.cos(up)
+            at = np.array([flat * math.cos(middle), flat * math.sin(middle), math.sin(up)])
+            nets.append(dome_cell(a, b, low, high))
+            shine.append(level[int(patch_numbers(at))])
+    return np.ascontiguousarray(nets), np.array(shine)
 
 
 def sun_cells(sun: Sun) -> FloatArray:
@@ -114,7 +153,7 @@ def gather(
     normals: FloatArray,
     weights: FloatArray,
     cells: FloatArray,
-    luminance: Sky | float,
+    luminance: Sky | FloatArray | float,
     blockers: Blockers,
     *,
     eps: float,
@@ -133,8 +172,8 @@ def gather(
         Share of each node, rows summing to 1; 0 where no light falls.
     cells : (c, 4, 4, 4) array
         From `dome_cells` or `sun_cells`.
-    luminance : Sky or float
-        Distribution over the cells, or one luminance. [cd/m²]
+    luminance : Sky, (c,) array or float
+        Distribution over the cells, or the luminance of each or of all. [cd/m²]
     blockers : Blockers
         What hides the source.
     eps, cell_eps : float
@@ -146,9 +185,9 @@ def gather(
         If a value is not finite.
     """
     if isinstance(luminance, Sky):
-        tone, level = sky_tone(luminance), 1.0
+        tone, shine = sky_tone(luminance), np.ones(len(cells))
     else:
-        tone, level = np.empty(0), float(luminance)
+        tone, shine = np.empty(0), np.broadcast_to(np.asarray(luminance, float), len(cells))
     m = len(nodes)
     out, counters = np.zeros((m, 3)), np.zeros((m, 2), dtype=np.int64)
     for start in range(0, m, ROWS_PER_BLOCK):
@@ -158,6 +197,7 @@ def gather(
             writable(normals[rows]),
             writable(weights[rows]),
             cells,
+            writable(shine),
             tone,
             blockers,
             eps,
@@ -174,8 +214,8 @@ def gather(
         raise NumericsError(f"light from infinity at receiver {bad}: not finite")
     total = counters.sum(axis=0)
     return DomeLight(
-        illuminance=math.pi * level * out[:, 0],
-        deviation=math.pi * level * np.sqrt(out[:, 1]),
+        illuminance=math.pi * out[:, 0],
+        deviation=math.pi * np.sqrt(out[:, 1]),
         factor=out[:, 2],
         factor_variance=carried_variance(out[:, 1], out[:, 0], out[:, 2]),
         counters={"dome_cells_traced": int(total[0]), "pyramid_cells": int(total[1])},

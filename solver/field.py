@@ -47,6 +47,8 @@ from .surfaces import Receivers, Surfaces
 from .topology import is_single
 from .unknowns import Unknowns
 
+#: What the pyramids' 2 x 2 points in cells of 8° miss of a sky that is brightest at the sun.
+PEAKED = 5e-4
 #: Elements of large meshes get the light of lamps at many points down to this share of the aimed
 #: size.
 AVERAGED = 0.25
@@ -368,6 +370,19 @@ class FieldSolver:
         doubt = doubt_at(grid.points, seen.rows.factors, elements, finer, luminous(change), far)
         return light, doubt, self._rules(seen, field, light)
 
+    def from_outdoors(self, seen: SensorRows, field: Field, finer: Finer) -> FloatArray:
+        """Light of sky and ground (m,) that sensors get straight from surfaces outdoors. [lx]"""
+        unknowns = finer.unknowns
+        there = self.scene.outdoors[field.surfaces.elements.patch_index][unknowns.element]
+        daylight = [sent for group, sent in finer.sent.items() if group in ("sky", "ground")]
+        if not daylight or not there.any():
+            return np.zeros(len(seen.rows.factors))
+        column = np.where(there[:, None], sum(daylight), 0.0)
+        with self.stages.run("sensors"):
+            at = seen.rows, seen.mirrored, seen.asked, field.every, unknowns
+            (found,) = self._gathered(*at, [column])
+        return luminous(found)
+
     def _rules(self, seen: SensorRows, field: Field, light: Gathered) -> FloatArray:
         """Error (m,) that the rules for unoccluded factors leave in the light of sensors. [lx]"""
         asked, sent = seen.asked, luminous(field.exitance_told)
@@ -380,6 +395,8 @@ class FieldSolver:
             # Past flat surfaces sky and ground are integrated to the error counted as sampled.
             for name in ("sky.direct", "ground.direct"):
                 rest -= luminous(light.components.get(name, np.zeros((len(told), self.bands))))
+        elif self.scene.sky is not None and self.scene.sky.needs_sun:
+            error = error + PEAKED * luminous(light.components["sky.direct"])
         rules = OF_RULES * FINE_SHARE * asked.budget.eps + ROUNDING
         return np.asarray(error + rules * np.maximum(rest, 0.0))
 

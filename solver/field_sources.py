@@ -40,7 +40,7 @@ def fineness_of(scene: SceneData, panes: PaneField, budget: Budget, surfaces: Su
     emitted, areas = (a[:count] for a in (luminous(surfaces.emitted), surfaces.areas))
     # What all there is would get of the lamps' light, or a box about it where most escapes.
     mean = float(emitted @ areas) / max(float(areas.sum()), _box_area(scene))
-    dim = np.minimum(mean / np.maximum(emitted, max(mean, 1e-300)), 1.0)
+    dim = np.where(emitted > mean, mean / np.maximum(emitted, 1e-300), 1.0)
     cell_eps = budget.cell_eps * mean / np.maximum(emitted, max(mean, 1e-300))
     cell_eps = np.where(emitted > 0.0, cell_eps, budget.cell_eps)
     cell_eps = np.clip(cell_eps, budget.lamp_cell_eps, budget.cell_eps)

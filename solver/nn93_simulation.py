@@ -58,6 +58,7 @@ class Nn93Simulation(Simulation):
             (bool(scene.glazings), "glass"),
             (any(m.mirror_bands.any() for m in scene.materials), "mirrors"),
             (any(lamp.web is not None for lamp in scene.luminaires), "photometric files"),
+            (bool(scene.outdoor_parts), "parts that stand outdoors"),
         )
         for there, what in without:
             if there:

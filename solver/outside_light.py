@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .dome import DomeLight, dome_cells, gather
+from .dome import DomeLight, dome_cells, gather, patch_cells
 from .errors import NumericsError
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.sky_sweep import sweep_rows
 from .model.arrays import FloatArray, IntArray
+from .model.patch_sky import PatchSky
 from .model.sky import Sky
 from .skies import sky_tone
 from .surfaces import Receivers
@@ -137,24 +139,22 @@ class Horizon:
             return OutsideLight(sky_light, ground_light, np.asarray(left.any(axis=1)))
         how = (receivers, left, eps, cell_eps)
         if left.any():
-            self._trace(sky_light, dome_cells(0.0, 90.0, azimuths=SECTORS), sky or 1.0, *how)
+            self._trace(sky_light, _sky_sectors(sky), *how)
         if left.any() and ground:
-            self._trace(ground_light, dome_cells(-90.0, 0.0, azimuths=SECTORS), 1.0, *how)
+            self._trace(ground_light, _sectors(dome_cells(-90.0, 0.0, azimuths=SECTORS), 1.0), *how)
         return OutsideLight(sky_light, ground_light, np.zeros(m, dtype=bool))
 
     def _trace(
         self,
         light: DomeLight,
-        cells: FloatArray,
-        luminance: Sky | float,
+        sectors: list[tuple[FloatArray, Sky | FloatArray | float]],
         receivers: Receivers,
         left: NDArray[np.bool_],
         eps: float,
         cell_eps: float,
     ) -> None:
-        """Add the light of the ``cells`` of sectors ``left`` (m, sectors) by pyramids."""
-        bands = len(cells) // SECTORS
-        for k in range(SECTORS):
+        """Add the light of the cells of sectors ``left`` (m, sectors) by pyramids."""
+        for k, (cells, luminance) in enumerate(sectors):
             rows = np.flatnonzero(left[:, k])
             if not len(rows):
                 continue
@@ -163,7 +163,7 @@ class Horizon:
                 some.nodes,
                 some.normals,
                 some.weights,
-                np.ascontiguousarray(cells[bands * k : bands * (k + 1)]),
+                cells,
                 luminance,
                 self.blockers,
                 eps=eps,
@@ -171,6 +171,21 @@ class Horizon:
                 trace=self.trace,
             )
             _add(light, rows, more)
+
+
+def _sky_sectors(sky: Sky | None) -> list[tuple[FloatArray, Sky | FloatArray | float]]:
+    """Cells of each sector and their luminance; of 1 where there is no sky. [cd/m²]"""
+    if isinstance(sky, PatchSky):
+        turns = 2.0 * np.pi * np.arange(SECTORS + 1) / SECTORS
+        return [patch_cells(sky, start, end) for start, end in pairwise(turns.tolist())]
+    return _sectors(dome_cells(0.0, 90.0, azimuths=SECTORS), 1.0 if sky is None else sky)
+
+
+def _sectors(
+    cells: FloatArray, luminance: Sky | float
+) -> list[tuple[FloatArray, Sky | FloatArray | float]]:
+    """``cells`` by sector, each with ``luminance``."""
+    return [(np.ascontiguousarray(some), luminance) for some in np.split(cells, SECTORS)]
 
 
 def _add(light: DomeLight, rows: IntArray, more: DomeLight) -> None:

@@ -6,42 +6,68 @@ import numpy as np
 
 from .incident import Gathered
 from .model.arrays import FloatArray
+from .model.daylight import DaylightShares
 from .model.result import SensorResult, luminous
 from .model.scene import SceneData
+from .model.sky import CIESky
 from .skies import horizontal_illuminance
 
 
 def sensor_result(
-    scene: SceneData, index: int, gathered: Gathered, more: FloatArray
+    scene: SceneData,
+    index: int,
+    gathered: Gathered,
+    more: FloatArray,
+    outdoors: FloatArray | float = 0.0,
 ) -> SensorResult:
-    """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]"""
+    """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]
+
+    ``outdoors`` (m,) of their light of sky and ground comes straight from surfaces outdoors.
+    """
     grid = scene.sensors[index]
     components = {name: luminous(v) for name, v in gathered.components.items()}
+    error = more + 2.0 * gathered.deviation
     return SensorResult(
         name=grid.name,
         points=grid.points,
         normals=grid.normals,
         area_m2=grid.area_m2,
         illuminance_lx=gathered.luminous(),
-        error_lx=more + 2.0 * gathered.deviation,
+        error_lx=error,
         components=components,
-        daylight_factor=_daylight_factor(scene, components),
+        daylight=_daylight(scene, components, error, outdoors),
         outline=grid.outline,
     )
 
 
-def _daylight_factor(scene: SceneData, components: dict[str, FloatArray]) -> FloatArray | None:
-    """Share (m,) of the unobstructed sky's horizontal illuminance, under type 1 or 16 only.
-
-    None under a sky without light.
-    """
+def tells_daylight_factors(scene: SceneData) -> bool:
+    """Whether the scene's own light tells daylight factors: no dark sky, and no sun."""
     sky = scene.sky
     if sky is None or not sky.of_daylight_factors or scene.sun is not None:
+        return False
+    return horizontal_illuminance(sky) > 0.0
+
+
+def _daylight(
+    scene: SceneData,
+    components: dict[str, FloatArray],
+    error_lx: FloatArray,
+    outdoors: FloatArray | float,
+) -> DaylightShares | None:
+    """Shares of the unobstructed sky's horizontal illuminance, under type 1 or 16 only."""
+    sky = scene.sky
+    if not (tells_daylight_factors(scene) and isinstance(sky, CIESky)):
         return None
-    unobstructed = horizontal_illuminance(sky)
-    if unobstructed <= 0.0:
-        return None
-    daylight = [
-        values for name, values in components.items() if name.rsplit(".", 1)[0] in ("sky", "ground")
-    ]
-    return np.asarray(sum(daylight) / unobstructed)
+    nothing = np.zeros(len(error_lx))
+    straight, ground, indirect, from_ground = (
+        components.get(name, nothing)
+        for name in ("sky.direct", "ground.direct", "sky.indirect", "ground.indirect")
+    )
+    level = horizontal_illuminance(sky)
+    return DaylightShares(
+        sky_type=int(sky.type),
+        sky=straight / level,
+        external=(ground + outdoors) / level,
+        internal=(indirect + from_ground - outdoors) / level,
+        error=error_lx / level,
+    )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .budget import BASES, Budget, by_factors_alone, most_varying, scene_bytes
 from .change_bounds import Worth
 from .containment import Containment
+from .daylight import with_daylight_factors
 from .effort import check_effort
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -31,11 +32,11 @@ from .moved_blockers import kept_blockers
 from .pictures import render_all
 from .reuse import Kept, tolerances
 from .rule_error import OF_RULES
-from .sensor_results import sensor_result
+from .sensor_results import sensor_result, tells_daylight_factors
 from .skipped import not_needed
 from .solved_field import Field
 from .stages import Progress, Stages
-from .store import STORE, forget
+from .store import STORE, Store
 from .surfaces import reflectances
 
 #: How often the mesh is cut further where the accuracy asked for is not reached.
@@ -127,7 +128,14 @@ def solve(
 
             kind = Nn93Simulation
         options = Options(basis=basis, balanced=balanced_mesh, cache=cache)
-        return kind(scene, accuracy, visibility, Stages(progress), options).run()
+        if scene.daylight_factors is not None and not cache:
+            # The second run is to find what the first one knows, and both to leave nothing.
+            options = replace(options, cache=True, store=Store())
+
+        def run(one: SceneData) -> Result:
+            return kind(one, accuracy, visibility, Stages(progress), options).run()
+
+        return with_daylight_factors(run(scene), run)
     finally:
         if previous is not None:
             _set_threads(previous)
@@ -159,6 +167,8 @@ class Options:
     basis: str | None = None
     balanced: bool = False
     cache: bool = False
+    #: Where what is found is kept; what all runs of the process share when not given.
+    store: Store | None = None
 
 
 class Simulation:
@@ -186,14 +196,15 @@ class Simulation:
         sides = len(scene.patches) + int(np.sum(scene.two_sided))
         #: What mirrors and panes take besides, a pair. [B]
         self.more = scene_bytes(scene)
-        if len(STORE) and not self._is_roomy():
-            forget()  # what is kept may be found again
+        self._shared = STORE if options.store is None else options.store
+        if len(self._shared) and not self._is_roomy():
+            self._shared.clear()  # what is kept may be found again
             self.budget = Budget.of(scene, accuracy, self.basis)
         large = self.budget.is_large
         # What decided on a mesh is known for its boxes before balancing only; rows of large meshes
         # take more than they are worth.
         kept = options.cache and not options.balanced and not large
-        self.store = STORE if kept else None
+        self.store = self._shared if kept else None
         if options.cache and not kept:
             why = "the mesh is balanced" if options.balanced else "the mesh is large"
             stages.skipped["reuse"] = f"{why}: nothing is kept for later runs"
@@ -324,8 +335,8 @@ class Simulation:
 
     def _fits(self, elements: int) -> bool:
         enough = self._has_room(elements)
-        if not enough and len(STORE):
-            forget()
+        if not enough and len(self._shared):
+            self._shared.clear()
             enough = self._has_room(elements)
         return enough
 
@@ -400,10 +411,12 @@ class Simulation:
         names = [grid.name for grid in self.scene.sensors]
         kept = kept_error(field, finer, solver.kept, dict(zip(names, seen, strict=True)))
         sensors, without_mesh = {}, {}
+        is_overcast = tells_daylight_factors(self.scene)
         for k, grid in enumerate(self.scene.sensors):
             gathered, doubt, rules = solver.gather(grid, seen[k], field, finer)
             mesh, rest = error.of(gathered, doubt), rules + kept.sensors[k]
-            sensors[grid.name] = sensor_result(self.scene, k, gathered, mesh + rest)
+            outdoors = solver.from_outdoors(seen[k], field, finer) if is_overcast else 0.0
+            sensors[grid.name] = sensor_result(self.scene, k, gathered, mesh + rest, outdoors)
             without_mesh[grid.name] = sensor_result(self.scene, k, gathered, rest)
         return Solved(field, finer, balance, error, kept, sensors, without_mesh)
 

@@ -6,7 +6,8 @@ the sun:
     L / L_z = φ(Z) f(χ) / (φ(0) f(Z_s))
     φ(Z) = 1 + a exp(b / cos Z),   f(χ) = 1 + c (exp(d χ) − exp(d π/2)) + e cos² χ
 
-Type 16 is the traditional overcast sky [2], L / L_z = (1 + 2 sin γ) / 3.
+Type 16 is the traditional overcast sky [2], L / L_z = (1 + 2 sin γ) / 3. Others are in `perez`,
+`gensky` and `patch_sky`.
 
 .. [1] CIE S 011/E:2003 / ISO 15469:2004, "Spatial distribution of daylight - CIE standard general
    sky", eq. 1-8 and table 1.
@@ -24,9 +25,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .gensky import (
+    CLEAR,
+    at_zenith,
+    estimated_zenith_luminance,
+    intermediate_form,
+    intermediate_terms,
+)
 from .model.arrays import FloatArray, frozen
 from .model.bezier import gauss_rule
-from .model.sky import CIESky, Ground, PerezSky, Sky, Sun, direction
+from .model.patch_sky import PatchSky
+from .model.sky import OWN_FORMULAS, CIESky, Ground, PerezSky, Sky, Sun, direction
+from .patch_sky import patch_illuminance, patch_numbers
 from .perez import sky_illuminance, sky_shape
 
 #: Gradation a, b and indicatrix c, d, e of types 1 to 15. [1, table 1]
@@ -70,25 +80,35 @@ def relative_luminance(sky: Sky, directions: ArrayLike) -> FloatArray:
 
 
 def _form(sky: Sky, directions: ArrayLike) -> FloatArray:
-    """φ f in ``directions`` (..., 3); 1 + 2 cos Z for type 16."""
+    """φ f in ``directions`` (..., 3), or what has its place in other skies."""
     d = np.asarray(directions, dtype=np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     z = np.maximum(d[..., 2], 0.0)
-    if _is_traditional(sky):
+    if isinstance(sky, PatchSky):
+        return np.asarray(np.array(sky.luminance_cd_m2)[patch_numbers(d)])
+    if sky_form(sky) == 16:
         return np.asarray(1.0 + 2.0 * z)
     s = np.array(sun_direction(sky))
     angle = np.arctan2(np.linalg.norm(np.cross(s, d), axis=-1), d @ s)
+    if sky_form(sky) == "intermediate":
+        zenith = np.arctan2(np.hypot(d[..., 0], d[..., 1]), z)
+        return intermediate_form(float(sky.sun_altitude_deg or 0.0), zenith, angle)
     return np.asarray(_gradation(sky, z) * _indicatrix(sky, angle))
 
 
-def _is_traditional(sky: Sky) -> bool:
-    return isinstance(sky, CIESky) and sky.type == 16
+def sky_form(sky: Sky) -> int | str:
+    """Which formula a sky follows: its type where that has one of its own, else ``""``."""
+    own = isinstance(sky, CIESky) and sky.type in (16, "intermediate")
+    return sky.type if isinstance(sky, CIESky) and own else ""
 
 
 def _shape(sky: Sky) -> tuple[float, float, float, float, float]:
-    """a, b, c, d, e; not of type 16."""
-    return sky_shape(sky) if isinstance(sky, PerezSky) else _TYPES[int(sky.type) - 1]
+    """a, b, c, d, e of a sky that has them."""
+    if isinstance(sky, PerezSky):
+        return sky_shape(sky)
+    assert isinstance(sky, CIESky) and not sky_form(sky)
+    return CLEAR if sky.type == "clear" else _TYPES[int(sky.type) - 1]
 
 
 def _gradation(sky: Sky, z: FloatArray) -> FloatArray:
@@ -116,9 +136,13 @@ def _integral(sky: Sky) -> float:
     Integrated in polar coordinates about the sun, where the indicatrix depends on one variable and
     its cusp lies at the end of an interval.
     """
-    if _is_traditional(sky):
+    if isinstance(sky, PatchSky):
+        return patch_illuminance(sky)
+    if sky_form(sky) == 16:
         return 7.0 * math.pi / 3.0
-    x, w = gauss_rule(_ORDER)
+    # At the zenith, on the way, the intermediate sky has a cusp: 1e-7 by more points.
+    intermediate = sky_form(sky) == "intermediate"
+    x, w = gauss_rule(4 * _ORDER if intermediate else _ORDER)
     if not sky.needs_sun:
         return float(2.0 * math.pi * (w * x * _gradation(sky, x)).sum())
     altitude = math.radians(float(sky.sun_altitude_deg or 0.0))
@@ -137,14 +161,22 @@ def _integral(sky: Sky) -> float:
     psi = psi_end[:, None] * x
     z = np.cos(chi)[:, None] * sine + np.sin(chi)[:, None] * cosine * np.cos(psi)
     z = np.maximum(z, 0.0)
+    if intermediate:
+        level = intermediate_form(float(sky.sun_altitude_deg or 0.0), np.arccos(z), chi[:, None])
+        return float((weight * np.sin(chi) * 2.0 * psi_end * ((level * z) @ w)).sum())
     arcs = 2.0 * psi_end * ((_gradation(sky, z) * z) @ w)
     return float((weight * np.sin(chi) * _indicatrix(sky, chi) * arcs).sum())
 
 
 def _level(sky: Sky) -> float:
     """Luminance over φ f. [cd/m²]"""
-    if isinstance(sky, CIESky) and sky.zenith_luminance_cd_m2 is not None:
-        return float(sky.zenith_luminance_cd_m2 / _form(sky, (0.0, 0.0, 1.0)))
+    if isinstance(sky, CIESky):
+        given = estimated_zenith_luminance(sky) if sky.estimated else sky.zenith_luminance_cd_m2
+        if given is not None:
+            own = sky.estimated and sky.type in OWN_FORMULAS
+            return float(given / (at_zenith(sky) if own else _form(sky, (0.0, 0.0, 1.0))))
+    if isinstance(sky, PatchSky) and sky.diffuse_illuminance_lx is None:
+        return 1.0
     # Not by the zenith, which may be black.
     return horizontal_illuminance(sky) / _integral(sky)
 
@@ -163,9 +195,11 @@ def horizontal_illuminance(sky: Sky) -> float:
     """Illuminance of the unobstructed sky, without the sun, on a horizontal plane. [lx]"""
     if isinstance(sky, PerezSky):
         return sky_illuminance(sky)
-    if sky.zenith_luminance_cd_m2 is not None:
-        return float(sky.zenith_luminance_cd_m2 * diffuse_to_zenith_ratio(sky))
+    if isinstance(sky, CIESky) and (sky.estimated or sky.zenith_luminance_cd_m2 is not None):
+        return _level(sky) * _integral(sky)
     level = sky.diffuse_illuminance_lx
+    if isinstance(sky, PatchSky) and level is None:
+        return patch_illuminance(sky)
     return DEFAULT_DIFFUSE_ILLUMINANCE_LX if level is None else float(level)
 
 
@@ -210,8 +244,26 @@ def ground_luminance(ground: Ground | None, sky: Sky | None, sun: Sun | None) ->
 
 
 def sky_tone(sky: Sky) -> FloatArray:
-    """What kernels need of a sky (10,): `sky_parameters` and the direction of the sun."""
-    return np.concatenate([sky_parameters(sky), sun_direction(sky)])
+    """What kernels need of a sky (10,): `sky_parameters` and the direction of the sun.
+
+    Of patches their relative luminances besides (155,).
+    """
+    tone = np.concatenate([sky_parameters(sky), sun_direction(sky)])
+    return with_patches(tone, sky)
+
+
+def with_patches(packed: FloatArray, sky: Sky | None) -> FloatArray:
+    """``packed`` parameters with the relative luminances of a sky of patches at their end."""
+    if not isinstance(sky, PatchSky):
+        return packed
+    out = np.concatenate([packed, patch_luminances(sky) / sky_parameters(sky)[6]])
+    out[2] = len(packed)
+    return np.asarray(out)
+
+
+def patch_luminances(sky: PatchSky) -> FloatArray:
+    """Luminance (145,) of the patches at the level of the sky. [cd/m²]"""
+    return _level(sky) * np.array(sky.luminance_cd_m2)
 
 
 @lru_cache(maxsize=64)
@@ -220,6 +272,17 @@ def sky_parameters(sky: Sky) -> FloatArray:
 
     The factor holds the level, so that the kernel returns cd/m².
     """
-    if _is_traditional(sky):
-        return frozen([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, _level(sky)])
-    return frozen([0.0, *_shape(sky), _level(sky)])
+    from .kernels import sky_luminance as kernel
+
+    if isinstance(sky, PatchSky):
+        # Where the luminances stand is told when they are packed; 1 for a black sky.
+        mean = horizontal_illuminance(sky) / math.pi
+        return frozen([kernel.PATCHES, 0.0, 0.0, 0.0, 0.0, 0.0, mean or 1.0])
+    form = sky_form(sky)
+    if form == 16:
+        return frozen([kernel.TRADITIONAL_OVERCAST, 0.0, 0.0, 0.0, 0.0, 0.0, _level(sky)])
+    if form == "intermediate":
+        sine, low = intermediate_terms(float(sky.sun_altitude_deg or 0.0))
+        # The fourth says that the sky is brightest at the sun.
+        return frozen([kernel.INTERMEDIATE, 0.0, sine, 1.0, low, 0.0, _level(sky)])
+    return frozen([kernel.GENERAL, *_shape(sky), _level(sky)])

@@ -18,6 +18,8 @@ DAYLIGHT_FROM_K = 4000.0
 OFF_WHITE = 0.05
 #: Second radiation constant, CODATA 2018. [m K]
 _C2 = 1.438776877e-2
+#: Greatest luminous efficacy of a spectrum. [lm/W]
+_LUMENS_PER_W = 683.002
 
 
 def cct_to_rgb(cct_k: float) -> FloatArray:
@@ -84,6 +86,46 @@ def spectrum_color(spectrum: tuple[tuple[float, float], ...]) -> tuple[FloatArra
         cct, off = colour.temperature.uv_to_CCT(np.array([u, v]), method="Ohno 2013")
     known = abs(off) <= OFF_WHITE and 1000.0 <= cct <= 1e5
     return _rgb_of_chromaticity(float(x), float(y)), float(cct) if known else math.nan
+
+
+def daylight_spectra(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Spectra of luminance 1 that are S0 + M1 S1 + M2 S2 of CIE daylight.
+
+    Parameters
+    ----------
+    weights : (..., 2) array
+        M1 and M2, from `sky_color.daylight_weights`.
+
+    Returns
+    -------
+    wavelength_nm : (w,) array
+        300 to 830 nm in steps of 5 nm.
+    power : (..., w) array
+        Spectral radiance for 1 cd/m²; what would be negative, far from daylight, is 0.
+        [W/(m² sr nm)]
+    """
+    import colour
+
+    basis = colour.colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES
+    wavelength = np.asarray(basis["S0"].wavelengths)
+    s0, s1, s2 = (np.asarray(basis[name].values) for name in ("S0", "S1", "S2"))
+    power = np.maximum(s0 + weights[..., :1] * s1 + weights[..., 1:] * s2, 0.0)
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    seen = np.interp(wavelength, observer.wavelengths, np.asarray(observer.values)[:, 1], 0.0, 0.0)
+    step = float(wavelength[1] - wavelength[0])
+    return wavelength, power / (_LUMENS_PER_W * step * (power @ seen))[..., None]
+
+
+def correlated_temperature(xy: FloatArray) -> FloatArray:
+    """Correlated colour temperature (...) of chromaticities (..., 2), by Ohno 2013. [K]"""
+    import colour
+
+    x, y = np.moveaxis(np.asarray(xy, dtype=np.float64), -1, 0)
+    below = 3.0 - 2.0 * x + 12.0 * y
+    uv = np.stack([4.0 * x / below, 6.0 * y / below], axis=-1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of light far from white
+        return np.asarray(colour.temperature.uv_to_CCT(uv, method="Ohno 2013")[..., 0])
 
 
 @lru_cache(maxsize=256)

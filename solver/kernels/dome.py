@@ -11,8 +11,9 @@ from .pyramid import NO_BLOCKER, make_scratch, see_blockers, visible_factor
 
 @parallel
 def dome_rows(
-    nodes, normals, weights, cells, tone, blockers, eps, cell_eps, trace, levels, out, counters
-):
+    nodes, normals, weights, cells, shine, tone, blockers, eps, cell_eps, trace, levels, out,
+    counters,
+):  # fmt: skip
     """Weighted form factors from receivers with q nodes each to cells at infinity.
 
     Parameters
@@ -23,6 +24,8 @@ def dome_rows(
         Share of each node; 0 for nodes that get no light.
     cells : (c, 4, 4, 4) array
         Nets of directions, all weights 0, counter-clockwise seen from the receiver.
+    shine : (c,) array
+        Luminance of each cell, or what that of ``tone`` is multiplied with.
     tone : (10,) array, or (0,)
         See `pyramid.visible_factor`.
     eps, cell_eps, levels
@@ -65,8 +68,8 @@ def dome_rows(
                     s, c, x, n, cone, front, plain, nowhere, eps, cell_eps, rounding, tone,
                     blockers, listed, count, scratch, found,
                 )  # fmt: skip
-                out[i, 0] += w * found[0]
-                out[i, 1] += w * w * found[1]
+                out[i, 0] += w * shine[c] * found[0]
+                out[i, 1] += (w * shine[c]) ** 2 * found[1]
                 out[i, 2] += w * found[3]
                 counters[i, 0] += 1
                 counters[i, 1] += int(found[2])

@@ -39,7 +39,7 @@ from .nets import (
 )
 from .patch_factor import patch_factor
 from .ray_patch import MISS, WORK, ray_patch_any
-from .sky_luminance import sky_luminance
+from .sky_luminance import PATCHES, sky_luminance
 
 #: States of a blocker seen from a receiver.
 NO_BLOCKER, FRONT, BACK, MIXED = 0, 1, 2, 3
@@ -491,14 +491,23 @@ def _is_small(planes):
 
 
 @lean
-def _mean_luminance(s, n, tone, h, hu, hv):
-    """Mean luminance of a small cell at infinity, 2 x 2 Gauss points weighted as in dF. [cd/m²]"""
+def _mean_luminance(s, n, tone, seed, h, hu, hv):
+    """Mean luminance of a small cell at infinity, 2 x 2 points weighted as in dF. [cd/m²]
+
+    Gauss' points for a negative seed, else anywhere in their quarters: across the edge of a patch
+    the errors of all cells along it would have one sign.
+    """
     total = 0.0
     weights = 0.0
     for i in range(2):
         for j in range(2):
             u = 0.21132486540518713 if i == 0 else 0.7886751345948129
             v = 0.21132486540518713 if j == 0 else 0.7886751345948129
+            if seed >= 0:
+                seed = _scrambled(seed)
+                u = 0.5 * (i + (seed >> 8) / 8388608.0)
+                seed = _scrambled(seed)
+                v = 0.5 * (j + (seed >> 8) / 8388608.0)
             surface(s, u, v, h, hu, hv)
             r2 = h[0] * h[0] + h[1] * h[1] + h[2] * h[2]
             size = math.sqrt(r2)
@@ -515,6 +524,26 @@ def _mean_luminance(s, n, tone, h, hu, hv):
                 tone, tone[7], tone[8], tone[9], h[0] / size, h[1] / size, h[2] / size
             )
     return total / weights if weights > 0.0 else 0.0
+
+
+@lean
+def _is_even(s, tone, h, hu, hv):
+    """Whether the sky is of one luminance at 3 x 3 points of a cell, or varies smoothly."""
+    if tone[0] != PATCHES:
+        return True
+    first = -1.0
+    for i in range(3):
+        for j in range(3):
+            surface(s, 0.5 * i, 0.5 * j, h, hu, hv)
+            size = math.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
+            level = sky_luminance(
+                tone, tone[7], tone[8], tone[9], h[0] / size, h[1] / size, h[2] / size
+            )
+            if i == 0 and j == 0:
+                first = level
+            elif level != first:
+                return False
+    return True
 
 
 @kernel
@@ -642,10 +671,13 @@ def visible_factor(
             continue
         mine[lists.shape[1] - 1] = count
         lit = count == 0
-        if lit and (tone.size == 0 or (ok and _is_small(planes))):
+        uneven = lit and tone.size > 0 and not _is_even(cell, tone, h, hu, hv)
+        if lit and not uneven and (tone.size == 0 or (ok and _is_small(planes))):
             value = patch_factor(cell, x, n, cone, flags, quadric, eps, rounding)
             out[3] += value
-            out[0] += value if tone.size == 0 else value * _mean_luminance(cell, n, tone, h, hu, hv)
+            if tone.size:
+                value *= _mean_luminance(cell, n, tone, np.int64(-1), h, hu, hv)
+            out[0] += value
             continue
         surface(cell, 0.5, 0.5, h, hu, hv)
         r2 = h[0] ** 2 + h[1] ** 2 + h[2] ** 2
@@ -670,17 +702,21 @@ def visible_factor(
             if value > 0.0:
                 share = 1.0
                 samples = 2 if value > 0.125 * cell_eps else 1
+                # The same for every receiver, so that moving a scene changes no sample.
+                seed = _scrambled(np.int64(out[2]) * 7919 + level) + _hashed(number)
                 if not lit:
-                    # The same for every receiver, so that moving a scene changes no sample.
-                    seed = _scrambled(np.int64(out[2]) * 7919 + level) + _hashed(number)
                     share = _visible_share(
                         cell, n, facing > 0, x, blockers, mine, count, samples, seed, work,
                         h, hu, hv,
                     )  # fmt: skip
                 out[3] += value * share
                 if tone.size:
-                    value *= _mean_luminance(cell, n, tone, h, hu, hv)
+                    patches = tone[0] == PATCHES
+                    value *= _mean_luminance(cell, n, tone, seed if patches else -1, h, hu, hv)
                 out[0] += value * share
+                if uneven:
+                    # Of patches as different as they are bright, told by the same four points.
+                    out[1] += value * value * 0.03125
                 if not lit:
                     # Deviation of the share of a cell: a single sample of one that an edge cuts
                     # anywhere is off by 0.41, the root of the mean of s (1 - s); four that

@@ -13,7 +13,7 @@ a luminance times one cos Î± for the incidence and one for the solid angle cos Î
 import math
 
 from .compiled import lean
-from .sky_luminance import TRADITIONAL_OVERCAST, sky_luminance
+from .sky_luminance import PATCHES, ROW_HEIGHT, ROWS, TRADITIONAL_OVERCAST, sky_luminance
 
 #: Stands for the tangents of zenith and nadir.
 STEEP = 1e15
@@ -97,6 +97,22 @@ def _smooth_light(tone, a, b, cos, sin, start, reach, squared):
 
 
 @lean
+def _patch_light(tone, a, b, cos, sin, low, high):
+    """Light of patches of even luminance between two altitudes: exact."""
+    total, at = 0.0, low
+    for row in range(ROWS):
+        top = high if row == ROWS - 1 else min(high, (row + 1) * ROW_HEIGHT)
+        if not top > at:
+            continue
+        middle = 0.5 * (at + top)
+        c, s = math.cos(middle), math.sin(middle)
+        brightness = sky_luminance(tone, tone[7], tone[8], tone[9], c * cos, c * sin, s)
+        total += brightness * plain_light(a, b, at, top)
+        at = top
+    return total
+
+
+@lean
 def sky_light(tone, a, b, cos, sin, low, high):
     """Light of the sky between two altitudes above the horizon.
 
@@ -107,6 +123,8 @@ def sky_light(tone, a, b, cos, sin, low, high):
         s0, c0, s1, c1 = math.sin(low), math.cos(low), math.sin(high), math.cos(high)
         rising = a * (c0 * c0 * c0 - c1 * c1 * c1) + b * (s1 * s1 * s1 - s0 * s0 * s0)
         return tone[6] * (plain_light(a, b, low, high) + rising / 1.5)
+    if tone[0] == PATCHES:
+        return _patch_light(tone, a, b, cos, sin, low, high)
     peak = -1.0
     if tone[3] != 0.0 or tone[5] != 0.0:
         peak = math.atan2(tone[9], tone[7] * cos + tone[8] * sin)
@@ -144,7 +162,7 @@ def free_light(hidden, count, a, b, cos, sin, tone, values):
         Components of the receiver's normal along the half-plane and upwards.
     cos, sin : float
         Of the azimuth.
-    tone : (10,) array, or (0,)
+    tone : (10,) array, longer of a sky of patches, or (0,)
         As in `pyramid.visible_factor`; empty for a sky of luminance 1.
     values : (3,) array
         Receives light of the sky, and the form factors a radian of sky and ground.

@@ -20,6 +20,7 @@ from .compiled import kernel, lean, parallel
 from .contour import cubic, horizon_tolerance, load_edge, sign_breaks
 from .pyramid import NO_BLOCKER, see_blockers
 from .sky_line import STEEP, free_light, hide, make_tangent, sort_few
+from .sky_luminance import COUNTS, PATCHES, ROWS
 
 #: Kronrod's rule of 7 points on -1 … 1 from its middle outwards, and Gauss' of 3 points in it.
 _KRONROD = (0.0, 0.4342437493468025, 0.7745966692414834, 0.9604912687080203)
@@ -200,6 +201,25 @@ def _is_hidden(x, y, z, count, work):
 
 
 @lean
+def _add_patch_edges(start, width, breaks, work):
+    """Azimuths in a sector at which patches of the sky end; −1 for too many."""
+    for row in range(ROWS - 1):
+        step = 2.0 * math.pi / COUNTS[row]
+        # Patches have their middles at whole steps from north, which is y: edges lie half way.
+        first = math.ceil((start - 0.5 * math.pi) / step - 0.5)
+        for k in range(COUNTS[row]):
+            angle = 0.5 * math.pi + (first + k + 0.5) * step - start
+            if angle >= width - 1e-12:
+                break
+            if angle > 1e-12:
+                if breaks + 4 >= INTERVALS:
+                    return -1
+                work.breaks[breaks] = start + angle
+                breaks += 1
+    return breaks
+
+
+@lean
 def _add_breaks(start, end, count, n, blockers, tone, work):
     """Azimuths, in order, at which the light of a sector may have kinks; −1 for too many."""
     breaks, width = 1, end - start
@@ -244,6 +264,10 @@ def _add_breaks(start, end, count, n, blockers, tone, work):
         if 1e-12 < angle < width - 1e-12:
             work.breaks[breaks] = start + angle
             breaks += 1
+    if tone.size and tone[0] == PATCHES:
+        breaks = _add_patch_edges(start, width, breaks, work)
+        if breaks < 0:
+            return -1
     work.breaks[breaks] = end
     breaks += 1
     sort_few(work.breaks, breaks)

@@ -1,9 +1,11 @@
 """Data types shared by all packages; NumPy only."""
 
 from .cad import Certificate, Face, Model, Part
+from .daylight import DaylightFactors, DaylightShares
 from .elements import Elements
 from .glazing import Glass, Glazing
 from .optics import Air, Emitter, Material
+from .patch_sky import PatchSky
 from .patches import PatchSet
 from .photometry import Photometry, Web
 from .result import Balance, CameraImage, Result, SensorResult, SurfaceResult
@@ -20,6 +22,8 @@ __all__ = [
     "Camera",
     "CameraImage",
     "Certificate",
+    "DaylightFactors",
+    "DaylightShares",
     "Elements",
     "Emitter",
     "Face",
@@ -31,6 +35,7 @@ __all__ = [
     "Model",
     "Part",
     "PatchSet",
+    "PatchSky",
     "PerezSky",
     "Photometry",
     "Result",

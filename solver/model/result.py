@@ -11,11 +11,15 @@ import numpy as np
 
 from ..errors import InputError
 from .arrays import FloatArray, IntArray
+from .daylight import DaylightShares
 from .elements import Elements
 from .optics import LUMINANCE_WEIGHTS
 from .reprs import result_repr, sensors_repr
 from .scene import SceneData
 from .views import Camera
+
+#: Largest upward component of the normal of a sensor that stands upright.
+UPRIGHT = 1e-6
 
 
 def luminous(values: FloatArray) -> FloatArray:
@@ -39,8 +43,8 @@ class SensorResult:
         Illuminance and the half-width of its numerical error. [lx]
     components : dict of (n,) arrays
         ``"<group>.direct"`` and ``"<group>.indirect"``, summing to ``illuminance_lx``. [lx]
-    daylight_factor : (n,) array or None
-        Share of the unobstructed horizontal sky illuminance, under type 1 or 16 only. [1]
+    daylight : DaylightShares or None
+        Daylight factors and their shares, under an overcast sky or where they were asked for. [1]
     outline : tuple of (k, 3) arrays
         Outlines of the measured area. [m]
     """
@@ -52,7 +56,7 @@ class SensorResult:
     illuminance_lx: FloatArray
     error_lx: FloatArray
     components: Mapping[str, FloatArray]
-    daylight_factor: FloatArray | None = None
+    daylight: DaylightShares | None = None
     outline: tuple[FloatArray, ...] = ()
 
     def __repr__(self) -> str:
@@ -63,8 +67,22 @@ class SensorResult:
         return float(np.average(values, weights=self.area_m2))
 
     @property
+    def daylight_factor(self) -> FloatArray | None:
+        """Daylight factors (n,) as fractions, where they are known."""
+        return None if self.daylight is None else self.daylight.total
+
+    @property
+    def faces_sideways(self) -> bool:
+        """Whether every sensor stands upright, so that what it gets of the sky is vertical."""
+        return bool((np.abs(self.normals[:, 2]) < UPRIGHT).all())
+
+    @property
     def metrics(self) -> dict[str, float]:
-        """E_avg_lx, E_min_lx, E_max_lx, U0 and, under an overcast sky, DF_avg, DF_median [%]."""
+        """Illuminances, uniformity and, where they are known, daylight factors by name.
+
+        E_avg_lx, E_min_lx, E_max_lx, U0; DF_avg_percent, DF_median_percent and the means of the
+        shares SC, ERC and IRC; of upright sensors the mean vertical sky component VSC_avg_percent.
+        """
         e = self.illuminance_lx
         mean = self.mean(e)
         values = {
@@ -73,12 +91,23 @@ class SensorResult:
             "E_max_lx": float(e.max()),
             "U0": float(e.min() / mean) if mean > 0.0 else 0.0,
         }
-        if self.daylight_factor is not None:
-            values["DF_avg_percent"] = 100.0 * self.mean(self.daylight_factor)
-            values["DF_median_percent"] = 100.0 * weighted_median(
-                self.daylight_factor, self.area_m2
-            )
+        if self.daylight is not None:
+            total = self.daylight.total
+            values["DF_avg_percent"] = 100.0 * self.mean(total)
+            values["DF_median_percent"] = 100.0 * weighted_median(total, self.area_m2)
+            values |= {name: 100.0 * self.mean(share) for name, share in self._shares().items()}
         return values
+
+    def _shares(self) -> dict[str, FloatArray]:
+        """Shares (n,) of the daylight factor by the name of their mean."""
+        if self.daylight is None:
+            return {}
+        found = {
+            "SC_avg_percent": self.daylight.sky,
+            "ERC_avg_percent": self.daylight.external,
+            "IRC_avg_percent": self.daylight.internal,
+        }
+        return found | ({"VSC_avg_percent": self.daylight.sky} if self.faces_sideways else {})
 
     @property
     def metric_errors(self) -> dict[str, float]:
@@ -92,9 +121,11 @@ class SensorResult:
         }
         relative = (values["E_min_lx"] + mean_error) / mean if mean > 0.0 else 0.0
         values["U0"] = float(relative)
-        if self.daylight_factor is not None:
-            share = self.mean(self.daylight_factor) * (mean_error / mean if mean > 0.0 else 0.0)
-            values["DF_avg_percent"] = values["DF_median_percent"] = 100.0 * share
+        if self.daylight is not None:
+            # No share of it is known worse than the whole; one that nothing sends is known.
+            share = 100.0 * self.mean(self.daylight.error)
+            values |= dict.fromkeys(("DF_avg_percent", "DF_median_percent"), share)
+            values |= {name: share if v.any() else 0.0 for name, v in self._shares().items()}
         return values
 
 

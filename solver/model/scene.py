@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .arrays import FloatArray, IntArray, check_shape, frozen
 from .cad import Certificate
+from .daylight import DaylightFactors
 from .glazing import Glazing
 from .optics import Material
 from .patches import PatchSet
@@ -135,6 +136,10 @@ class SceneData:
     glass_index : (p,) int array
         Rows of ``glazings``, −1 where the patch is no glass. Patches that something is seen
         through come last.
+    daylight_factors : DaylightFactors, optional
+        Daylight factors to be found beside the light of the scene.
+    outdoor_parts : tuple of int
+        Rows of the parts that stand outdoors, which only daylight factors ask for.
     """
 
     patches: PatchSet
@@ -160,6 +165,8 @@ class SceneData:
     glass_index: IntArray = field(default=None)  # type: ignore[arg-type, assignment]
     title: str = "scene"
     notes: tuple[str, ...] = ()
+    daylight_factors: DaylightFactors | None = None
+    outdoor_parts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.patches)
@@ -202,6 +209,11 @@ class SceneData:
             patches=self.patches.take(np.arange(count)),
             **{name: getattr(self, name)[:count] for name in names},
         )
+
+    @property
+    def outdoors(self) -> NDArray[np.bool_]:
+        """Patches (p,) of parts that stand outdoors."""
+        return np.isin(self.patches.part_index, self.outdoor_parts)
 
     @property
     def is_grey(self) -> bool:

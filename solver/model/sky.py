@@ -5,19 +5,19 @@ from __future__ import annotations
 import datetime
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
+from .patch_sky import PatchSky
+from .sky_checks import check_cct, store_number
 
-#: Names of Radiance's gensky for skies of this module.
-SKY_NAMES = {"overcast": 16, "uniform": 5, "clear": 12}
-
-
-def _finite(name: str, value: float, low: float, high: float) -> float:
-    if not (math.isfinite(value) and low <= value <= high):
-        raise InputError(f"{name} = {value}: must lie between {low:g} and {high:g}")
-    return float(value)
+#: Names of Radiance's gensky for types of CIE S 011, and for skies with a formula of their own.
+SKY_NAMES = {"overcast": 16, "uniform": 5}
+OWN_FORMULAS = ("clear", "intermediate")
+#: Types whose level can be estimated from the height of the sun.
+ESTIMATED_TYPES = (1, 5, 12, 16, *OWN_FORMULAS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,18 @@ class CIESky:
     Attributes
     ----------
     type : int or str
-        1 … 16, or ``"overcast"`` (16), ``"uniform"`` (5), ``"clear"`` (12).
+        1 … 16, or as Radiance's gensky has them: ``"overcast"`` (16), ``"uniform"`` (5),
+        ``"clear"`` and ``"intermediate"``; see `patchlight.solver.gensky`.
     sun_altitude_deg, sun_azimuth_deg : float, optional
         Position of the sun the sky belongs to; types 1, 3, 5 and 16 do not need one. [deg]
     diffuse_illuminance_lx, zenith_luminance_cd_m2 : float, optional
         Absolute level: horizontal illuminance of the sky alone [lx], or zenith luminance [cd/m²].
-        Without either the sky is scaled to 10 000 lx and `relative` is true.
+        Without any level the sky is scaled to 10 000 lx and `relative` is true.
+    estimated : bool
+        Whether the level is what is typical at the sun's altitude, as gensky has it: of types 1,
+        5, 12, 16, ``"clear"`` and ``"intermediate"``.
+    turbidity : float, optional
+        Of estimated levels of types 12, ``"clear"`` and ``"intermediate"``; 2.45 when not given.
     cct_k : float
         Colour of the whole sky. [K]
     """
@@ -43,31 +49,47 @@ class CIESky:
     diffuse_illuminance_lx: float | None = None
     zenith_luminance_cd_m2: float | None = None
     cct_k: float = 6500.0
+    estimated: bool = False
+    turbidity: float | None = None
 
     def __post_init__(self) -> None:
-        number = SKY_NAMES.get(self.type, self.type) if isinstance(self.type, str) else self.type
-        if number not in range(1, 17):
-            names = ", ".join(SKY_NAMES)
-            raise InputError(f"CIESky.type = {self.type!r}: must be 1 to 16 or one of {names}")
-        object.__setattr__(self, "type", int(number))
-        if self.sun_altitude_deg is not None:
-            _finite("CIESky.sun_altitude_deg", self.sun_altitude_deg, 0.0, 90.0)
-        if self.sun_azimuth_deg is not None:
-            _finite("CIESky.sun_azimuth_deg", self.sun_azimuth_deg, -360.0, 360.0)
+        object.__setattr__(self, "type", _sky_type(self.type))
+        store_number(self, "sun_altitude_deg", 0.0, 90.0, optional=True)
+        store_number(self, "sun_azimuth_deg", -360.0, 360.0, optional=True)
         if self.needs_sun and (self.sun_altitude_deg is None or self.sun_azimuth_deg is None):
             raise InputError(
                 f"CIESky: type {self.type} brightens towards the sun; "
                 "give sun_altitude_deg and sun_azimuth_deg"
             )
-        levels = (self.diffuse_illuminance_lx, self.zenith_luminance_cd_m2)
-        if None not in levels:
-            raise InputError("CIESky: give diffuse_illuminance_lx or zenith_luminance_cd_m2")
-        for name in ("diffuse_illuminance_lx", "zenith_luminance_cd_m2"):
-            value = getattr(self, name)
-            if value is not None:
-                _finite(f"CIESky.{name}", value, 0.0, 1e7)
-        if not 4000.0 <= self.cct_k <= 25000.0:
-            raise InputError(f"CIESky.cct_k = {self.cct_k}: must lie between 4000 and 25000")
+        levels = ("diffuse_illuminance_lx", "zenith_luminance_cd_m2")
+        for name in levels:
+            store_number(self, name, 0.0, 1e7, optional=True)
+        given = [name for name in levels if getattr(self, name) is not None]
+        if len(given) + bool(self.estimated) > 1:
+            raise InputError(
+                "CIESky: give one of diffuse_illuminance_lx, zenith_luminance_cd_m2 and estimated"
+            )
+        self._check_estimate()
+        check_cct(self)
+
+    def _check_estimate(self) -> None:
+        if not isinstance(self.estimated, bool):
+            raise InputError(f"CIESky.estimated = {self.estimated!r}: must be True or False")
+        store_number(self, "turbidity", 1.5, 20.0, optional=True)
+        if self.turbidity is not None and not (self.estimated and self.type not in (1, 5, 16)):
+            raise InputError(
+                "CIESky.turbidity: only the estimated level of types 12, clear and intermediate "
+                "depends on it"
+            )
+        if not self.estimated:
+            return
+        if self.type not in ESTIMATED_TYPES:
+            names = ", ".join(map(str, ESTIMATED_TYPES))
+            raise InputError(
+                f"CIESky.estimated: the level of type {self.type} is not known; types: {names}"
+            )
+        if self.sun_altitude_deg is None:
+            raise InputError("CIESky.estimated: the level follows from sun_altitude_deg; give it")
 
     @property
     def needs_sun(self) -> bool:
@@ -77,7 +99,8 @@ class CIESky:
     @property
     def relative(self) -> bool:
         """Whether the level is the default one and not a given one."""
-        return self.diffuse_illuminance_lx is None and self.zenith_luminance_cd_m2 is None
+        levels = (self.diffuse_illuminance_lx, self.zenith_luminance_cd_m2)
+        return levels == (None, None) and not self.estimated
 
     @property
     def of_daylight_factors(self) -> bool:
@@ -112,14 +135,13 @@ class PerezSky:
     cct_k: float = 6500.0
 
     def __post_init__(self) -> None:
-        _finite("PerezSky.direct_normal_w_m2", self.direct_normal_w_m2, 0.0, 1500.0)
-        _finite("PerezSky.diffuse_horizontal_w_m2", self.diffuse_horizontal_w_m2, 0.0, 1500.0)
-        _finite("PerezSky.sun_altitude_deg", self.sun_altitude_deg, 0.0, 90.0)
-        _finite("PerezSky.sun_azimuth_deg", self.sun_azimuth_deg, -360.0, 360.0)
-        _finite("PerezSky.dew_point_c", self.dew_point_c, -90.0, 40.0)
-        _finite("PerezSky.sun_nearness", self.sun_nearness, 0.96, 1.04)
-        if not 4000.0 <= self.cct_k <= 25000.0:
-            raise InputError(f"PerezSky.cct_k = {self.cct_k}: must lie between 4000 and 25000")
+        store_number(self, "direct_normal_w_m2", 0.0, 1500.0)
+        store_number(self, "diffuse_horizontal_w_m2", 0.0, 1500.0)
+        store_number(self, "sun_altitude_deg", 0.0, 90.0)
+        store_number(self, "sun_azimuth_deg", -360.0, 360.0)
+        store_number(self, "dew_point_c", -90.0, 40.0)
+        store_number(self, "sun_nearness", 0.96, 1.04)
+        check_cct(self)
 
     @property
     def needs_sun(self) -> bool:
@@ -138,7 +160,7 @@ class PerezSky:
 
 
 #: Every distribution of luminance over the sky.
-Sky = CIESky | PerezSky
+Sky = CIESky | PerezSky | PatchSky
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,11 +186,11 @@ class Sun:
     cct_k: float = 5500.0
 
     def __post_init__(self) -> None:
-        _finite("Sun.altitude_deg", self.altitude_deg, -90.0, 90.0)
-        _finite("Sun.azimuth_deg", self.azimuth_deg, -360.0, 360.0)
-        _finite("Sun.normal_illuminance_lx", self.normal_illuminance_lx, 0.0, 1e6)
-        _finite("Sun.angular_radius_arcmin", self.angular_radius_arcmin, 1e-3, 600.0)
-        _finite("Sun.cct_k", self.cct_k, 1000.0, 25000.0)
+        store_number(self, "altitude_deg", -90.0, 90.0)
+        store_number(self, "azimuth_deg", -360.0, 360.0)
+        store_number(self, "normal_illuminance_lx", 0.0, 1e6)
+        store_number(self, "angular_radius_arcmin", 1e-3, 600.0)
+        store_number(self, "cct_k", 1000.0, 25000.0)
 
     @classmethod
     def at(
@@ -212,8 +234,7 @@ class Ground:
     reflectance: float | None = 0.2
 
     def __post_init__(self) -> None:
-        if self.reflectance is not None:
-            _finite("Ground.reflectance", self.reflectance, 0.0, 1.0)
+        store_number(self, "reflectance", 0.0, 1.0, optional=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,9 +247,21 @@ class Site:
     timezone: str | None = None
 
     def __post_init__(self) -> None:
-        _finite("Site.latitude_deg", self.latitude_deg, -90.0, 90.0)
-        _finite("Site.longitude_deg", self.longitude_deg, -180.0, 180.0)
-        _finite("Site.elevation_m", self.elevation_m, -500.0, 9000.0)
+        store_number(self, "latitude_deg", -90.0, 90.0)
+        store_number(self, "longitude_deg", -180.0, 180.0)
+        store_number(self, "elevation_m", -500.0, 9000.0)
+
+
+def _sky_type(value: Any) -> int | str:
+    """The type of a sky as a number from 1 to 16, or the name of one with its own formula."""
+    if isinstance(value, str):
+        found: Any = SKY_NAMES.get(value, value)
+        if found in (*OWN_FORMULAS, *SKY_NAMES.values()):
+            return int(found) if isinstance(found, int) else str(found)
+    elif np.ndim(value) == 0 and not isinstance(value, bool) and value in range(1, 17):
+        return int(value)
+    names = ", ".join((*SKY_NAMES, *OWN_FORMULAS))
+    raise InputError(f"CIESky.type = {value!r}: must be 1 to 16 or one of {names}")
 
 
 def direction(altitude_deg: float, azimuth_deg: float) -> tuple[float, float, float]:

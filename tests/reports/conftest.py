@@ -18,6 +18,7 @@ from patchlight.solver.model import (
     CameraImage,
     Certificate,
     CIESky,
+    DaylightShares,
     Elements,
     Face,
     Ground,
@@ -149,7 +150,9 @@ def grid(name: str, points: np.ndarray, **changes: Any) -> SensorResult:
     values: dict[str, Any] = dict(
         name=name, points=points, normals=normals, area_m2=np.full(len(points), 0.25),
         illuminance_lx=total, error_lx=0.01 * total, components=parts,
-        daylight_factor=(parts["sky.direct"] + parts["sky.indirect"]) / 1e4,
+        daylight=DaylightShares(
+            16, parts["sky.direct"] / 1e4, 0.0 * total, parts["sky.indirect"] / 1e4, 1e-6 * total
+        ),
     )  # fmt: skip
     values.update(changes)
     return SensorResult(**values)

@@ -241,3 +241,11 @@ def test_pdf_or_a_clear_warning(
     with pytest.warns(PatchlightWarning, match=r"b\.pdf was not written: no Pango"):
         written = write_report(small, tmp_path / "b.html", pdf=True)
     assert set(written) == {"b.html"}
+
+
+def test_shares_of_the_daylight_factor(result: Result) -> None:
+    html = render(result)
+    assert "traditional CIE overcast sky (Moon and Spencer), type 16" in html
+    for name in ("sky component", "externally reflected component", "internally reflected"):
+        assert name in html
+    assert "daylight factor</td>" in html

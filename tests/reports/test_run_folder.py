@@ -63,7 +63,7 @@ def test_grid_csv_holds_every_point_and_component(run: dict[str, Path], result: 
     assert list(rows[0]) == [
         "point_id", "x_m", "y_m", "z_m", "nx", "ny", "nz", "area_m2", "E_lx", "error_lx",
         "E_ceiling.direct_lx", "E_ceiling.indirect_lx", "E_sky.direct_lx", "E_sky.indirect_lx",
-        "DF_percent",
+        "DF_percent", "DF_error_percent", "SC_percent", "ERC_percent", "IRC_percent",
     ]  # fmt: skip
     assert len(rows) == len(grid.points)
     lux = np.array([float(r["E_lx"]) for r in rows])
@@ -73,6 +73,8 @@ def test_grid_csv_holds_every_point_and_component(run: dict[str, Path], result: 
     assert grid.daylight_factor is not None
     shares = [float(r["DF_percent"]) for r in rows]
     np.testing.assert_allclose(shares, 100 * grid.daylight_factor, rtol=1e-8)
+    parts = [[float(r[f"{c}_percent"]) for c in ("SC", "ERC", "IRC")] for r in rows]
+    np.testing.assert_allclose(np.sum(parts, axis=1), shares, rtol=1e-7)
 
 
 def test_metrics_agree_in_both_files(run: dict[str, Path], result: Result) -> None:
