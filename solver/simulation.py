@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +30,7 @@ from .moved_blockers import kept_blockers
 from .reuse import STORE, Kept, Mesh, forget
 from .rule_error import OF_RULES
 from .skies import horizontal_illuminance
-from .solved_field import Field
+from .solved_field import Field, SensorRows
 from .stages import Progress, Stages
 from .surfaces import reflectances
 from .topology import is_single
@@ -114,8 +116,7 @@ def solve(
         raise GeometryError("the scene has no surfaces")
     if scene.opaque_count == 0:
         raise GeometryError("the scene has no surfaces but panes of glass")
-    previous = None if threads is None else _set_threads(threads)
-    try:
+    with with_threads(threads):
         kind = Simulation
         if method == "nn93":
             from .nn93_simulation import Nn93Simulation
@@ -123,20 +124,27 @@ def solve(
             kind = Nn93Simulation
         options = Options(basis=basis, balanced=balanced_mesh, cache=cache)
         return kind(scene, accuracy, visibility, Stages(progress), options).run()
-    finally:
-        if previous is not None:
-            _set_threads(previous)
 
 
-def _set_threads(threads: int) -> int:
+@contextmanager
+def with_threads(threads: int | None) -> Iterator[None]:
+    """Threads of the kernels meanwhile; with None they stay as they are."""
     from .kernels.threads import set_threads
 
-    return set_threads(threads)
+    previous = None if threads is None else set_threads(threads)
+    try:
+        yield
+    finally:
+        if previous is not None:
+            set_threads(previous)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """A mesh, what was found on it, and the sensors with and without the error of the mesh."""
+    """A mesh, what was found on it, and the sensors with and without the error of the mesh.
+
+    Of the last ones also what they see, a grid each.
+    """
 
     field: Field
     finer: Finer
@@ -144,6 +152,7 @@ class Solved:
     error: MeshError
     sensors: dict[str, SensorResult]
     without_mesh: dict[str, SensorResult]
+    seen: tuple[SensorRows, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +224,8 @@ class Simulation:
         """Whether panes diffuse light: they are known by whole elements."""
         return any(glazing.glass.diffuse > 0.0 for glazing in self.scene.glazings)
 
-    def run(self) -> Result:
+    def start(self) -> tuple[FieldSolver, Kept]:
+        """What solves the scene, before any of it is solved."""
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
             kept = Kept(scene, stages=stages, store=self.store)
@@ -235,7 +245,12 @@ class Simulation:
         kept = kept.with_more(trace)
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester, kept=kept)
         solver.mesher.balance = self.balance
-        solved = self._solved(solver, kept)
+        return solver, kept
+
+    def run(self) -> Result:
+        scene, stages = self.scene, self.stages
+        solver, kept = self.start()
+        solved = self.solved(solver, kept)
         kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
@@ -280,7 +295,7 @@ class Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(self, solver: FieldSolver, kept: Kept) -> Solved:
+    def solved(self, solver: FieldSolver, kept: Kept) -> Solved:
         """Light on the mesh of a run before this one, if it does, or on one of the scene's own."""
         before, solved = kept.mesh(self.budget), None
         if before is not None:
@@ -366,7 +381,7 @@ class Simulation:
             mesh = error.of(gathered, doubt)
             sensors[grid.name] = self._sensor_result(k, gathered, mesh + rules)
             without_mesh[grid.name] = self._sensor_result(k, gathered, rules)
-        return Solved(field, finer, balance, error, sensors, without_mesh)
+        return Solved(field, finer, balance, error, sensors, without_mesh, tuple(seen))
 
     def _sensor_result(self, index: int, gathered: Gathered, more: FloatArray) -> SensorResult:
         """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]"""
