@@ -45,14 +45,17 @@ class Beams:
     ----------
     points, normals : (k, 3) array
         Where beams are looked for [m], and unit normals.
-    weights : (c, k) array
-        What illuminance there adds to each of c columns of values: sensors, or sensors by colour.
+    shares : (N, k / N) array
+        Share of each point in the mean of the unknown it is for, one after the other.
+    weights : (c, N) array
+        What illuminance of each unknown adds to each of c values: sensors, or sensors by colour.
     sky : OpenSky
         Tells what is open.
     """
 
     points: FloatArray
     normals: FloatArray
+    shares: FloatArray
     weights: FloatArray
     sky: OpenSky
 
@@ -62,6 +65,7 @@ class Beams:
         elements: Elements,
         element: IntArray,
         node: IntArray,
+        side: int,
         weights: FloatArray,
         under_even_sky: FloatArray,
         sky: OpenSky,
@@ -74,7 +78,9 @@ class Beams:
         elements : Elements
             Of the mesh.
         element, node : (N,) int array
-            Element of each unknown, and which of its nodes it is.
+            Element of each unknown, and which of its nodes it is, those along v next to each other.
+        side : int
+            Nodes of elements a direction; 1 where each is an unknown as a whole.
         weights : (c, N) array
             What illuminance of each unknown adds to the values.
         under_even_sky : (N,) array
@@ -87,7 +93,6 @@ class Beams:
         dim = np.cumsum(worth[order]) <= LEFT_OUT * worth.sum()
         used = np.sort(order[~dim])
         used = used[worth[used] > 0.0]
-        side = int(round(np.sqrt(elements.weights.shape[1])))
         low = np.stack([node[used] // side, node[used] % side]) / side
         # Points in line with the sides of elements would meet the edges of sun patches all at once:
         # they are spread as evenly at places that differ from each unknown to the next.
@@ -106,7 +111,8 @@ class Beams:
         return cls(
             points=(where + lift * normals).reshape(-1, 3),
             normals=normals.reshape(-1, 3),
-            weights=(weights[:, used, None] * share).reshape(len(weights), -1),
+            shares=share,
+            weights=np.ascontiguousarray(weights[:, used]),
             sky=sky,
         )
 
@@ -133,5 +139,6 @@ class Beams:
             point, d = point[lit], d[lit]
             light = np.zeros_like(cosine)
             light[point, d] = cosine[point, d] * self.sky.share(at[lit], to[lit])
-            out[:, some] = self.weights @ light
+            mean = np.einsum("npb,np->nb", light.reshape(*self.shares.shape, -1), self.shares)
+            out[:, some] = self.weights @ mean
         return out

@@ -20,6 +20,7 @@ import numpy as np
 from .beams import Beams
 from .dome_grid import DomeGrid, dome_grid
 from .errors import InputError
+from .field import FieldSolver
 from .model.arrays import FloatArray, IntArray
 from .model.optics import LUMINANCE_WEIGHTS
 from .model.result import luminous
@@ -136,13 +137,14 @@ class Coefficients:
             exact = _at_sensors(solved, "sky.direct")
             direct = sky.seen(points, normals, sky_grid, exact).weights
         with stages.run("beams"):
-            weights = _importance(solver, solved, run)
+            weights = _importance(solver, solved)
             field = solved.field
-            element, node = _nodes_of(field)
+            element, node, side = _nodes_of(field)
             beams = Beams.of(
                 field.surfaces.elements,
                 element,
                 node,
+                side,
                 weights,
                 luminous(field.arriving.components["sky.direct"]),
                 sky,
@@ -226,16 +228,19 @@ def _ground(solved: Solved) -> FloatArray:
     return both / math.pi
 
 
-def _nodes_of(field: Field) -> tuple[IntArray, IntArray]:
-    """Element (N,) of each unknown, and which of its nodes it is."""
+def _nodes_of(field: Field) -> tuple[IntArray, IntArray, int]:
+    """Element (N,) of each unknown, which of its nodes it is, and how many a direction there are.
+
+    Where light is even on elements, each is an unknown as a whole.
+    """
     unknowns, elements = field.unknowns, field.surfaces.elements
     if unknowns.basis is None:
-        raise InputError("year: the scene has too many elements; ask for less accuracy")
+        return unknowns.element, np.zeros(len(unknowns), dtype=np.int64), 1
     element, node = np.nonzero((elements.weights > 0.0) & ~elements.buried)
-    return element, node
+    return element, node, math.isqrt(elements.weights.shape[1])
 
 
-def _importance(solver, solved: Solved, run: Simulation) -> FloatArray:  # type: ignore[no-untyped-def]
+def _importance(solver: FieldSolver, solved: Solved) -> FloatArray:
     """What illuminance of each unknown adds to that of each sensor (c, N).
 
     In scenes with colours there are two rows of sensors, for the colour of sky and of sun.
