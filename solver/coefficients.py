@@ -25,7 +25,7 @@ from .model.arrays import FloatArray, IntArray
 from .model.optics import LUMINANCE_WEIGHTS
 from .model.result import luminous
 from .model.scene import SceneData
-from .model.sky import CIESky
+from .model.sky import CIESky, Ground
 from .open_sky import OpenSky
 from .simulation import Options, Simulation, Solved
 from .solved_field import Field
@@ -99,7 +99,7 @@ class Coefficients:
         Parameters
         ----------
         scene : SceneData
-            Its sky, sun and lamps do not count.
+            Its sky, sun and lamps do not count. Without a ground it gets ``Ground()``.
         accuracy : float
             As of `simulation.solve`; numbers of cells follow from it where they are not given.
         suns : (k, 3) array, optional
@@ -122,6 +122,7 @@ class Coefficients:
             scene,
             sky=CIESky(5, zenith_luminance_cd_m2=1.0, cct_k=SKY_CCT_K),
             sun=None,
+            ground=Ground() if scene.ground is None else scene.ground,
             cameras=(),
             luminaires=(),
             luminaire_index=np.full_like(scene.luminaire_index, -1),
@@ -130,6 +131,10 @@ class Coefficients:
         solver, kept = run.start()
         solved = run.solved(solver, kept)
         kept.tell()
+        if solver.highlights.any:
+            stages.warnings.append(
+                "glossy surfaces: through a year they reflect sky and sun as if they were matt"
+            )
         sky = OpenSky(even, solver.blockers, trace=solver.trace)
         points = np.concatenate([grid.points for grid in scene.sensors])
         normals = np.concatenate([grid.normals for grid in scene.sensors])

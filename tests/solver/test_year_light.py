@@ -223,6 +223,23 @@ def test_nothing_in_the_way_is_the_sky_itself():
     np.testing.assert_allclose(found.sun_direct[0], expected, rtol=1e-9, atol=1e-9)
 
 
+def test_closed_room_and_ground_that_is_not_said():
+    """Nothing comes into a box; a plate that looks down gets the light of the usual ground."""
+    box = Scene()
+    box.add(PatchSet.box((2, 2, 2), inward=True), "box")
+    box.add(SensorGrid([(0, 0, 0)], (0, 0, 1), name="inside"))
+    assert not light_of(box, accuracy=0.2).total.any()
+    plate = Scene()
+    plate.add(quad((0, 0, 5), (1, 0, 5), (1, 1, 5), (0, 1, 5)), "plate", two_sided=True)
+    plate.assign("plate", Material(0.0))
+    plate.add(SensorGrid([(5.0, 5.0, 1.0)], (0, 0, -1), name="below"))
+    series = skies()
+    found = light_of(plate, series, accuracy=0.2)
+    np.testing.assert_allclose(found.ground[0], 0.2 * series.level_lx, rtol=1e-3, atol=1e-9)
+    assert not found.sky_direct.any()
+    assert not found.sun_direct.any()
+
+
 @pytest.mark.parametrize("ball", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_open_directions_under_a_narrow_sky(ball):
     """Weights of cells past flat edges and round a ball, against the exact dome of one sky."""
@@ -256,6 +273,13 @@ def test_open_directions_under_a_narrow_sky(ball):
 def test_sun_after_reflections_between_its_places(plain):
     assert 0.0 < plain.sun_error(SUNS) < 0.08
     assert plain.sun_error(np.empty((0, 3))) == 0.0
+
+
+def test_gloss_is_said():
+    scene = room()
+    scene.assign("floor", Material(0.1, specular=0.2))
+    found = Coefficients.of(scene.freeze(), accuracy=0.2, suns=SUNS)
+    assert any("as if they were matt" in text for text in found.stages.warnings)
 
 
 def test_what_is_not_known():
