@@ -46,12 +46,14 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .scene_file import load_scene
     from .simulation import forget, simulate
+    from .year import simulate_year
 
 #: Module of every public name.
 _HOME = {
     "Scene": ".scene",
     "SensorGrid": ".grids",
     "simulate": ".simulation",
+    "simulate_year": ".year",
     "forget": ".simulation",
     "load_scene": ".scene_file",
     "batch": ".batches",
@@ -119,6 +121,7 @@ __all__ = [
     "read_step",
     "read_weather",
     "simulate",
+    "simulate_year",
     "write_report",
 ]
 

@@ -108,6 +108,65 @@ def run(
 
 
 @app.command
+def year(
+    file: Path,
+    /,
+    *,
+    weather: Path,
+    output: Output = None,
+    accuracy: float = 0.02,
+    threads: int | None = None,
+    sensors: tuple[str, ...] = (),
+    schedule: str = "08:00-18:00",
+    step_minutes: int | None = None,
+    force: Flag = False,
+    no_cache: Flag = False,
+    json_: Annotated[bool, Parameter(name="--json", negative=())] = False,
+    verbose: Verbose = False,
+) -> int:
+    """Simulate the daylight of a year at the sensors of SCENE.toml.
+
+    Parameters
+    ----------
+    file
+        Scene file.
+    weather
+        Weather file of EnergyPlus (.epw).
+    output
+        Folder to write; NAME-patchlight-year when not given. A run that was cut goes on in it.
+    accuracy
+        Relative error aimed at.
+    threads
+        Threads of the solver; all cores when not given.
+    sensors
+        Names of grids; all when not given.
+    schedule
+        When the building is used, by the clocks of the scene's time zone.
+    step_minutes
+        Shorter steps than those of the weather file, which they must part evenly.
+    force
+        Write into a folder that holds something else.
+    no_cache
+        Convert models anew, and keep nothing of them.
+    json_
+        Print metrics as JSON.
+    verbose
+        Say what is being done.
+    """
+    from .talk import Talk
+    from .year_runs import YearOptions, run_year, year_text
+
+    options = YearOptions(
+        weather, output, accuracy, threads, sensors, schedule, step_minutes, force,
+        cache=not no_cache,
+    )  # fmt: skip
+    with Talk(verbose=verbose) as talk:
+        done = run_year(file, options, talk)
+    print(json.dumps(done.rows, indent=2) if json_ else year_text(done))
+    return OK
+
+
+@app.command
 def inspect(
     file: Path,
     /,

@@ -34,6 +34,7 @@ from .glazing import with_glass
 from .problems import Problems
 from .profiles import with_profile
 from .slots import Slots, filled_slots
+from .states import absent_parts, without_parts
 from .webs import Webs, web_notes
 
 if TYPE_CHECKING:
@@ -43,8 +44,11 @@ if TYPE_CHECKING:
 SUN_TOLERANCE_DEG = 0.5
 
 
-def frozen_scene(scene: Scene) -> SceneData:
-    """World coordinates, materials, luminaires and resolved sensors of ``scene``."""
+def frozen_scene(scene: Scene, state: str | None = None) -> SceneData:
+    """World coordinates, materials, luminaires and resolved sensors of ``scene``.
+
+    Of all its parts, or of those that are there in a ``state``.
+    """
     problems = Problems()
     with problems.under():
         check_sun(scene.sky, scene.sun)
@@ -56,7 +60,7 @@ def frozen_scene(scene: Scene) -> SceneData:
     problems.add(text for text in asked if text)
     data = None
     with problems.under():
-        slots, data = _without_sensors(scene)
+        slots, data = _without_sensors(scene, state)
     if data is None:
         problems.raise_any()
         raise InputError("the scene cannot be used")  # there always is a problem; for type checkers
@@ -79,7 +83,7 @@ def frozen_scene(scene: Scene) -> SceneData:
     )
 
 
-def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
+def _without_sensors(scene: Scene, state: str | None) -> tuple[Slots, SceneData]:
     """Geometry, materials and light from outside."""
     if not scene.entries:
         raise InputError("the scene is empty: add a model or patches")
@@ -113,6 +117,9 @@ def _without_sensors(scene: Scene) -> tuple[Slots, SceneData]:
         title=scene.title or next(iter(scene.entries)),
         notes=notes,
     )
+    if state is not None:
+        gone = absent_parts(scene.states.values(), state, [part.path for part in parts])
+        data = without_parts(data, gone)
     slots, data = _without_lost_lamps(slots, data, with_one_of_each(data, slots.order))
     return slots, with_glass(data, slots.glass)
 

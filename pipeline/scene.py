@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,6 +38,7 @@ from .frames import north_matrix, up_matrix
 from .grids import SensorGrid
 from .patch_models import model_of_patches
 from .requirements import Requirement
+from .states import State, make_state
 
 COLORS = ("pictures", "reflectance")
 
@@ -162,6 +164,7 @@ class Scene:
         self.cameras: dict[str, Camera] = {}
         self.assignments: list[Assignment] = []
         self.requirements: list[Requirement] = []
+        self.states: dict[str, State] = {}
         self.notes: list[str] = []
         self._sky: Sky | None = None
         self._sun: Sun | None = None
@@ -380,8 +383,40 @@ class Scene:
         """
         self.requirements.append(Requirement(sensors, metric, min, max))
 
-    def freeze(self) -> SceneData:
+    def add_state(
+        self,
+        name: str,
+        *,
+        present: str | Iterable[str] | None = None,
+        absent: str | Iterable[str] | None = None,
+    ) -> None:
+        """Name a set of parts that are there or not, such as blinds, for `simulate_year`.
+
+        A run of the scene itself has all its parts. With states each of these is solved for the
+        year, the first one being that of nobody having closed anything.
+
+        Parameters
+        ----------
+        name : str
+            Of the state.
+        present : str or several, optional
+            Patterns of parts that are there in this state, and in all others only if these name
+            them too.
+        absent : str or several, optional
+            Patterns of parts that are not there in this state.
+
+        Raises
+        ------
+        InputError
+            For a name that is taken. Patterns that match nothing are errors of `freeze`: parts
+            may be added later.
+        """
+        _add_new(self.states, "state", name, make_state(name, present, absent))
+
+    def freeze(self, *, state: str | None = None) -> SceneData:
         """The scene as the solver sees it: world axes, SI units, sensors resolved.
+
+        With all its parts, or with those of a ``state``.
 
         Raises
         ------
@@ -390,7 +425,7 @@ class Scene:
         """
         from .freezing import frozen_scene
 
-        return frozen_scene(self)
+        return frozen_scene(self, state)
 
 
 def _checked(name: str, value: Any, *kinds: type) -> Any:

@@ -145,7 +145,7 @@ def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
     for k, name in _photometry_names(values):
         if not (folder / name).is_file():
             problems.append(f"assign[{k}].emitter.photometry: {folder / name}: no such file")
-    for kind in ("sensors", "cameras"):
+    for kind in ("sensors", "cameras", "state"):
         seen: set[str] = set()
         for k, table in enumerate(_tables(values, kind)):
             name = table.get("name")
@@ -309,6 +309,9 @@ def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
     for k, camera in enumerate(file.cameras):
         with problems.under(f"cameras[{k}]"):
             scene.add(camera.build())
+    for k, state in enumerate(file.state):
+        with problems.under(f"state[{k}]"):
+            scene.add_state(state.name, present=state.present, absent=state.absent)
     scene.requirements = [r.build() for r in file.requirements]
     problems.raise_any()
     return scene

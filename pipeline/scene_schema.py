@@ -241,6 +241,16 @@ class SensorsTable(Table):
         )
 
 
+class StateTable(Table):
+    """Parts that are there or not, such as blinds, in one of the states of a year."""
+
+    name: Text
+    present: Text | list[Text] = Field(default_factory=list)
+    """Part patterns: there in this state, and in others only if these name them too."""
+    absent: Text | list[Text] = Field(default_factory=list)
+    """Part patterns: not there in this state."""
+
+
 class CameraTable(Table):
     """A view."""
 
@@ -307,6 +317,7 @@ class SceneFile(Table):
     """Whether daylight factors are found beside other light; a table says more."""
     sensors: list[SensorsTable] = Field(default_factory=list)
     cameras: list[CameraTable] = Field(default_factory=list)
+    state: list[StateTable] = Field(default_factory=list)
     requirements: list[RequirementTable] = Field(default_factory=list)
 
     def build(self) -> None:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from .metrics import RequirementResult, evaluate_requirements
     from .status import pdf_status, rendering_status
     from .writer import write_report, write_run
+    from .year_files import write_year
+    from .year_metrics import year_rows
 
 __all__ = [
     "RequirementResult",
@@ -24,6 +26,8 @@ __all__ = [
     "write_batch_summary",
     "write_report",
     "write_run",
+    "write_year",
+    "year_rows",
 ]
 
 _HOME = {
@@ -34,6 +38,8 @@ _HOME = {
     "write_batch_summary": ".batch",
     "write_report": ".writer",
     "write_run": ".writer",
+    "write_year": ".year_files",
+    "year_rows": ".year_metrics",
 }
 
 

@@ -65,7 +65,7 @@ class Nn93Simulation(Simulation):
                 raise InputError(f"method = 'nn93': it knows no {what}; use the default method")
         super().__init__(scene, accuracy, visibility, stages, replace(options, cache=False))
 
-    def _solved(self, solver: FieldSolver, kept: Kept) -> Solved:
+    def solved(self, solver: FieldSolver, kept: Kept) -> Solved:
         self.stages.warnings.append(STATED)
         solver.highlights.conserving = False  # eq. 15 and 16
         corners = CornerSolver(solver, self.budget)

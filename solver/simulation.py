@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +36,7 @@ from .reuse import Kept, tolerances
 from .rule_error import OF_RULES
 from .sensor_results import sensor_result, tells_daylight_factors
 from .skipped import not_needed
-from .solved_field import Field
+from .solved_field import Field, SensorRows
 from .stages import Progress, Stages
 from .store import STORE, Store
 from .surfaces import reflectances
@@ -120,8 +122,7 @@ def solve(
         raise GeometryError("the scene has no surfaces")
     if scene.opaque_count == 0:
         raise GeometryError("the scene has no surfaces but panes of glass")
-    previous = None if threads is None else _set_threads(threads)
-    try:
+    with with_threads(threads):
         kind = Simulation
         if method == "nn93":
             from .nn93_simulation import Nn93Simulation
@@ -136,20 +137,27 @@ def solve(
             return kind(one, accuracy, visibility, Stages(progress), options).run()
 
         return with_daylight_factors(run(scene), run)
-    finally:
-        if previous is not None:
-            _set_threads(previous)
 
 
-def _set_threads(threads: int) -> int:
+@contextmanager
+def with_threads(threads: int | None) -> Iterator[None]:
+    """Threads of the kernels meanwhile; with None they stay as they are."""
     from .kernels.threads import set_threads
 
-    return set_threads(threads)
+    previous = None if threads is None else set_threads(threads)
+    try:
+        yield
+    finally:
+        if previous is not None:
+            set_threads(previous)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """A mesh, what was found on it, and the sensors with and without the error of the mesh."""
+    """A mesh, what was found on it, and the sensors with and without the error of the mesh.
+
+    Of the last ones also what they see, a grid each.
+    """
 
     field: Field
     finer: Finer
@@ -158,6 +166,7 @@ class Solved:
     kept: KeptError
     sensors: dict[str, SensorResult]
     without_mesh: dict[str, SensorResult]
+    seen: tuple[SensorRows, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +241,8 @@ class Simulation:
         """Whether panes diffuse light: they are known by whole elements."""
         return any(glazing.glass.diffuse > 0.0 for glazing in self.scene.glazings)
 
-    def run(self) -> Result:
+    def start(self) -> tuple[FieldSolver, Kept]:
+        """What solves the scene, before any of it is solved."""
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
             kept = Kept(scene, stages=stages, store=self.store)
@@ -252,7 +262,12 @@ class Simulation:
         kept = kept.with_more(trace)
         solver = FieldSolver(scene, blockers, trace=trace, stages=stages, tester=tester, kept=kept)
         solver.mesher.balance = self.balance
-        solved = self._solved(solver, kept)
+        return solver, kept
+
+    def run(self) -> Result:
+        scene, stages = self.scene, self.stages
+        solver, kept = self.start()
+        solved = self.solved(solver, kept)
         kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
         self._count(field)
@@ -297,7 +312,7 @@ class Simulation:
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
 
-    def _solved(self, solver: FieldSolver, kept: Kept) -> Solved:
+    def solved(self, solver: FieldSolver, kept: Kept) -> Solved:
         """Light on the mesh of a run before this one, if it does, or on one of the scene's own."""
         before, solved = kept.mesh(self.budget), None
         if before is not None:
@@ -418,7 +433,7 @@ class Simulation:
             outdoors = solver.from_outdoors(seen[k], field, finer) if is_overcast else 0.0
             sensors[grid.name] = sensor_result(self.scene, k, gathered, mesh + rest, outdoors)
             without_mesh[grid.name] = sensor_result(self.scene, k, gathered, rest)
-        return Solved(field, finer, balance, error, kept, sensors, without_mesh)
+        return Solved(field, finer, balance, error, kept, sensors, without_mesh, tuple(seen))
 
     def _warn_dark(self, sensors: dict[str, SensorResult], irradiance: FloatArray) -> None:
         warnings = self.stages.warnings

@@ -58,7 +58,7 @@ class Sweep(NamedTuple):
 
 
 @kernel
-def _make_sweep(p):
+def make_sweep(p):
     return Sweep(
         np.empty((p, 4, 4, 4)),
         np.zeros(p, dtype=np.int64),
@@ -91,7 +91,7 @@ def _misses(s, x0, y0, x1, y1):
 
 
 @lean
-def _list_sector(x0, y0, x1, y1, blockers, planar, curvy, work):
+def list_sector(x0, y0, x1, y1, blockers, planar, curvy, work):
     """List the flat surfaces of a sector; −1 where it is to be left to the pyramids."""
     count = 0
     for b in range(work.state.shape[0]):
@@ -112,7 +112,7 @@ def _list_sector(x0, y0, x1, y1, blockers, planar, curvy, work):
 
 
 @lean
-def _cut(m, cos, sin, work):
+def cut_patch(m, cos, sin, work):
     """Tangents at which the half-plane cuts flat surface ``m``, in order, into ``work.cuts``."""
     count = behind = 0
     for side in range(4):
@@ -159,7 +159,7 @@ def _line(azimuth, count, n, tone, work):
     cos, sin = math.cos(azimuth), math.sin(azimuth)
     hidden = 0
     for m in range(count):
-        cuts = _cut(m, cos, sin, work)
+        cuts = cut_patch(m, cos, sin, work)
         for k in range(0, cuts - 1, 2):
             hidden = hide(work.cuts[k], work.cuts[k + 1], work.hidden, hidden)
         if hidden == 1 and work.hidden[0, 0] <= -STEEP and work.hidden[0, 1] >= STEEP:
@@ -193,7 +193,7 @@ def _is_hidden(x, y, z, count, work):
     t = make_tangent(along, z)
     slack = 1e-9 * (1.0 + abs(t))
     for m in range(count):
-        cuts = _cut(m, cos, sin, work)
+        cuts = cut_patch(m, cos, sin, work)
         for k in range(0, cuts - 1, 2):
             if work.cuts[k] < t - slack and t + slack < work.cuts[k + 1]:
                 return True
@@ -220,7 +220,7 @@ def _add_patch_edges(start, width, breaks, work):
 
 
 @lean
-def _add_breaks(start, end, count, n, blockers, tone, work):
+def add_breaks(start, end, count, n, blockers, tone, work):
     """Azimuths, in order, at which the light of a sector may have kinks; −1 for too many."""
     breaks, width = 1, end - start
     work.breaks[0] = start
@@ -339,10 +339,10 @@ def _sweep_node(x, n, weight, tone, blockers, planar, curvy, trace, eps, work, o
             continue
         count = 0
         if trace:
-            count = _list_sector(x0, y0, x1, y1, blockers, planar, curvy, work)
+            count = list_sector(x0, y0, x1, y1, blockers, planar, curvy, work)
         breaks = -1
         if count >= 0:
-            breaks = _add_breaks(start, end, count, n, blockers, tone, work)
+            breaks = add_breaks(start, end, count, n, blockers, tone, work)
         if breaks < 0:
             out[k, 5] = -1.0
             continue
@@ -392,7 +392,7 @@ def sweep_rows(nodes, normals, weights, tone, blockers, planar, curvy, trace, ep
         Half-planes looked at.
     """
     for i in nb.prange(nodes.shape[0]):
-        work = _make_sweep(blockers.nets.shape[0])
+        work = make_sweep(blockers.nets.shape[0])
         for q in range(nodes.shape[1]):
             if weights[i, q] != 0.0:
                 counters[i] += _sweep_node(

@@ -203,11 +203,15 @@ class SceneData:
         count = self.opaque_count
         if count == len(self.patches):
             return self
+        return self.taken(np.arange(count))
+
+    def taken(self, rows: IntArray) -> SceneData:
+        """The same with some of the patches."""
         names = ("two_sided", "closed", "material_index", "luminaire_index", "glass_index")
         return replace(
             self,
-            patches=self.patches.take(np.arange(count)),
-            **{name: getattr(self, name)[:count] for name in names},
+            patches=self.patches.take(rows),
+            **{name: getattr(self, name)[rows] for name in names},
         )
 
     @property

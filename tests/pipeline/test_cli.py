@@ -23,6 +23,8 @@ HEAVY += ("pandas", "scipy", "xarray", "pvlib", "shapely", "OpenEXR")
         "from patchlight.pipeline import Scene, SensorGrid, simulate, load_scene, Material, batch",
         "from patchlight.pipeline.cli import main; assert main(['--help']) == 0",
         "from patchlight.pipeline.cli import main; assert main(['run', '--help']) == 0",
+        "from patchlight.pipeline.cli import main; assert main(['year', '--help']) == 0",
+        "from patchlight.pipeline import simulate_year",
         "from patchlight.pipeline.cli import main; assert main(['doctor']) == 0",
         "from patchlight.pipeline.cli import main; assert main(['schema']) == 0",
     ],

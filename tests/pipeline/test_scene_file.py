@@ -324,7 +324,6 @@ def test_misspelled_grids_of_requirements_get_a_hint(folder):
 @pytest.mark.parametrize(
     "line",
     [
-        "[[state]]\nname = 'open'",
         "[sky]\nmodel = 'patches'",
         "[[assign]]\nparts = 'desk'\nemitter = { flux_lm = 1, profile = 'a.txt' }",
         "[[sensors]]\nname = 'a'\nz_m = 1\nquantity = 'cylindrical'",

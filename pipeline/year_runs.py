@@ -1,0 +1,104 @@
+"""One year from a scene file and a weather file to an output folder, as `patchlight year` does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from patchlight.solver.compile_ahead import compile_ahead
+from patchlight.solver.effort import check_effort
+from patchlight.solver.errors import InputError, MissingFileError
+
+from .output import file_hash, prepare_output
+from .year import simulate_year
+
+if TYPE_CHECKING:
+    from .talk import Talk
+
+
+@dataclass(slots=True)
+class YearOptions:
+    """Settings of `run_year`."""
+
+    weather: Path
+    output: Path | None = None
+    accuracy: float = 0.02
+    threads: int | None = None
+    sensors: tuple[str, ...] = ()
+    schedule: str = "08:00-18:00"
+    step_minutes: int | None = None
+    force: bool = False
+    cache: bool = True
+
+
+@dataclass(slots=True)
+class YearRun:
+    """A finished year: its folder and metrics, one row each."""
+
+    folder: Path
+    rows: list[dict[str, Any]]
+    warnings: tuple[str, ...]
+
+
+def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
+    """Simulate a year and write grids/annual.nc, metrics and run.json.
+
+    The folder may hold what an earlier run left that was cut: it goes on from there.
+    """
+    from patchlight.importers import read_weather
+    from patchlight.reports import write_year
+    from patchlight.solver.local_time import schedule_minutes
+
+    from .scene_file import build_scene, read_scene_file, resolved_config
+
+    check_effort(options.accuracy, options.threads)
+    schedule_minutes(options.schedule)
+    if not path.exists():
+        raise MissingFileError(f"{path}: no such file")
+    if path.suffix.lower() != ".toml":
+        raise InputError(f"{path}: a year needs a scene file that ends in .toml, with sensors")
+    weather = read_weather(options.weather)
+    compile_ahead()
+    folder = options.output or Path(f"{path.stem}-patchlight-year")
+    file = read_scene_file(path)
+    models = [path.parent / table.file for table in file.model]
+    used = [*models, options.weather]
+    prepare_output(folder, used, force=options.force, own=("grids",))
+    talk.progress("reading models", 0, len(file.model))
+    scene = build_scene(file, path, cache=options.cache)
+    target = folder / "grids" / "annual.nc"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    dataset = simulate_year(
+        scene,
+        weather,
+        sensors=options.sensors or None,
+        accuracy=options.accuracy,
+        schedule=options.schedule,
+        step_minutes=options.step_minutes,
+        out=target,
+        progress=talk.progress,
+        threads=options.threads,
+    )
+    with dataset:
+        warnings = tuple(text for text in str(dataset.attrs["remarks"]).splitlines() if text)
+        inputs = [{"path": str(p.resolve()), "sha256": file_hash(p)} for p in used]
+        rows = write_year(dataset, folder, inputs=inputs, config=resolved_config(file, path.parent))
+    talk.stop()
+    for warning in warnings:
+        talk.warn(warning)
+    return YearRun(folder, rows, warnings)
+
+
+def year_text(run: YearRun) -> str:
+    """The metrics as a table, and where they are."""
+    grids = list(dict.fromkeys(row["sensor_id"] for row in run.rows))
+    lines = []
+    for grid in grids:
+        lines.append(f"{grid}:")
+        for row in run.rows:
+            if row["sensor_id"] == grid:
+                value = row["value"]
+                told = f"{value:.4g}" if isinstance(value, float) else str(value)
+                lines.append(f"  {row['quantity']:40} {told} {row['unit']}".rstrip())
+    return "\n".join([*lines, str(run.folder / "grids" / "annual.nc")])
