@@ -84,7 +84,7 @@ def read_step(
     file = Path(path)
     check_options(scale, tolerance, angle_deg, timeout_s)
     if memory_gb is not None and not 0.0 < memory_gb < math.inf:
-        raise InputError(f"memory_gb = {memory_gb}: must be above 0")
+        raise InputError(f"memory_gb = {memory_gb}: must be above 0 and finite")
     text = checked_content(file)
     options = {
         "scale": scale, "unit": unit, "tolerance": tolerance, "angle_deg": angle_deg,
@@ -118,7 +118,8 @@ def check_options(scale: float, tolerance: float, angle_deg: float, timeout_s: f
         ("timeout_s", timeout_s, 0.0, math.inf),
     ):
         if not (math.isfinite(value) and low <= value <= high and value > 0.0):
-            raise InputError(f"{name} = {value}: must lie between {low:g} and {high:g}")
+            bounds = f"lie between {low:g} and {high:g}" if low > 0.0 else "be above 0 and finite"
+            raise InputError(f"{name} = {value}: must {bounds}")
 
 
 def checked_content(file: Path) -> bytes:

@@ -50,6 +50,8 @@ def run(
     tolerance: float | None = None,
     scene: Path | None = None,
     method: Literal["default", "nn93"] | None = None,
+    timeout: float | None = None,
+    memory: float | None = None,
     pdf: Flag = False,
     force: Flag = False,
     check: Flag = False,
@@ -81,6 +83,10 @@ def run(
         Scene file whose first model the STEP file replaces.
     method
         nn93: as Nishita and Nakamae published it in 1993, for comparison.
+    timeout
+        Longest time for reading and converting each model, 300 when not given. [s]
+    memory
+        Most memory that may take; what is free when not given. [GB]
     pdf
         Write report.pdf too.
     force
@@ -99,7 +105,7 @@ def run(
 
     options = RunOptions(
         output, accuracy, threads, scale, unit, up, tolerance, scene, pdf, force,
-        method=method, cache=not no_cache,
+        method=method, cache=not no_cache, timeout_s=timeout, memory_gb=memory,
     )  # fmt: skip
     with Talk(verbose=verbose) as talk:
         _check_pdf(pdf)

@@ -46,6 +46,14 @@ class RunOptions:
     own_files: tuple[str, ...] = ()
     method: str | None = None
     cache: bool = True
+    timeout_s: float | None = None
+    memory_gb: float | None = None
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Those for reading models that are given."""
+        limits = {"timeout_s": self.timeout_s, "memory_gb": self.memory_gb}
+        return {key: value for key, value in limits.items() if value is not None}
 
 
 @dataclass(slots=True)
@@ -138,6 +146,8 @@ def _from_scene_file(
     if model is None:
         _refuse(options, ("scene",), "is for a STEP file")
     file = read_scene_file(path, model=model)
+    models = [table.model_copy(update=options.limits) for table in file.model]
+    file = file.model_copy(update={"model": models})
     _prepare(folder, (path.parent / table.file for table in file.model), options)
     talk.progress("reading models", 0, len(file.model))
     scene = build_scene(file, path, cache=options.cache)
@@ -162,6 +172,7 @@ def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tup
         for key in ("scale", "unit", "tolerance")
         if (value := getattr(options, key)) is not None
     }
+    given |= options.limits
     model = read_step(path, **given, cache=options.cache)
     _announce_kernels(talk)  # asking what lies inside a solid needs them
     bare = bare_scene(model, path, up=options.up or "z", scale=options.scale or 1.0)

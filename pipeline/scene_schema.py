@@ -64,7 +64,7 @@ class ModelTable(Table):
     """Largest deviation of a converted face, relative to the part's size."""
     angle_deg: Annotated[Number, Field(gt=0)] = 1.0
     """Largest deviation of its normals. [deg]"""
-    heal: bool = True
+    heal: StrictBool = True
     """Let the CAD kernel repair parts of which a face cannot be converted."""
     timeout_s: Annotated[Number, Field(gt=0)] = 300.0
     """Limit for reading and converting. [s]"""

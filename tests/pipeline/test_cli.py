@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from patchlight.pipeline.cli import main
+from patchlight.pipeline.cli import BAD_INPUT, main
 from patchlight.pipeline.output import prepare_output
 from patchlight.solver.errors import OutputError
 
@@ -227,3 +227,24 @@ def test_no_traceback_from_a_process(tmp_path):
     )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr and "no such file" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("limit", "said"),
+    [
+        (("--timeout", "0.001"), "not read within 0.001 s"),
+        (("--memory", "0.05"), "more memory than 0.05 GB"),
+        (("--timeout", "0"), "timeout_s = 0.0: must be above 0 and finite"),
+    ],
+    ids=lambda x: x[0][2:] if isinstance(x, tuple) else None,
+)
+@pytest.mark.parametrize("kind", ["step", "toml"])
+def test_reading_has_limits(kind, limit, said, tmp_path, capsys):
+    import cadquery as cq
+
+    model, scene = tmp_path / "box.step", tmp_path / "scene.toml"
+    cq.exporters.export(cq.Workplane().box(3000, 3000, 3000), str(model))
+    scene.write_text('schema_version = 1\n[[model]]\nfile = "box.step"\n')
+    file = model if kind == "step" else scene
+    assert main(["run", str(file), "-o", str(tmp_path / "out"), "--no-cache", *limit]) == BAD_INPUT
+    assert said in capsys.readouterr().err
