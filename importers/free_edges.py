@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import bernstein, bernstein_derivative, gauss_rule
 
@@ -67,15 +68,21 @@ def _same(a: FloatArray, b: FloatArray, tolerance: float) -> bool:
     d = np.diff(b, axis=0)
     away = a[len(a) // 2] - b[:-1]
     share = np.clip((away * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), 1e-300), 0.0, 1.0)
-    off = np.linalg.norm(away - share[:, None] * d, axis=1).min()
-    # Chords of the polygon leave a curve by an eighth of their length times the angle it turns.
-    bend = np.linalg.norm(np.diff(d, axis=0), axis=1).max() / 8.0
-    return bool(off <= tolerance + bend)
+    off = np.linalg.norm(away - share[:, None] * d, axis=1)
+    # Chords of the polygon leave a curve by an eighth of their length times the angle it turns,
+    # there where the middle is.
+    nearest = int(off.argmin())
+    bend = np.linalg.norm(np.diff(d[max(nearest - 1, 0) : nearest + 2], axis=0), axis=1)
+    return bool(off[nearest] <= tolerance + bend.max(initial=0.0) / 8.0)
 
 
 def _length(edge: Edge) -> float:
     x, w = gauss_rule(8)
-    nets = np.array([net for piece in chain(edge) for net in piece.cubics])
+    try:
+        nets = np.array([net for piece in chain(edge) for net in piece.cubics])
+    except (GeometryError, np.linalg.LinAlgError, ArithmeticError, IndexError, ValueError):
+        # Faces with such an edge are not converted, which is said of them; its length is near this.
+        return float(np.linalg.norm(np.diff(_points(edge), axis=0), axis=1).sum())
     h, slope = bernstein(x) @ nets, bernstein_derivative(x) @ nets
     d = (slope[..., :3] - slope[..., 3:] * h[..., :3] / h[..., 3:]) / h[..., 3:]
     return float((np.linalg.norm(d, axis=2) @ w).sum())

@@ -129,7 +129,8 @@ def _cut(loops: list[Loop], wanted: Wanted) -> list[Loop]:
         for arc in loop:
             at = wanted.get(id(arc))
             if at and isinstance(arc, NetArc):
-                new.extend(arc.cut(_apart(at)))
+                cuts = _apart(at)
+                new.extend(arc.cut(cuts) if cuts else arc.halves())
             else:
                 new.extend([arc] if at is None else arc.halves())
         out.append(new)

@@ -120,7 +120,7 @@ def year(
     *,
     weather: Path,
     output: Output = None,
-    accuracy: float = 0.02,
+    accuracy: float | None = None,
     threads: int | None = None,
     sensors: tuple[str, ...] = (),
     schedule: str = "08:00-18:00",
@@ -141,7 +141,7 @@ def year(
     output
         Folder to write; NAME-patchlight-year when not given. A run that was cut goes on in it.
     accuracy
-        Relative error aimed at.
+        Relative error aimed at, that of the scene file when not given.
     threads
         Threads of the solver; all cores when not given.
     sensors
@@ -169,7 +169,7 @@ def year(
     with Talk(verbose=verbose) as talk:
         done = run_year(file, options, talk)
     print(json.dumps(done.rows, indent=2) if json_ else year_text(done))
-    return OK
+    return OK if done.converged else NOT_CONVERGED
 
 
 @app.command

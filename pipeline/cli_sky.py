@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def sky(
-    type_: Annotated[str, Parameter(name="TYPE")] = "16",
+    type_: Annotated[str | None, Parameter(name="TYPE")] = None,
     /,
     *,
     time: str | None = None,
@@ -44,7 +44,8 @@ def sky(
     Parameters
     ----------
     type_
-        1 to 16 as by CIE S 011, or overcast, uniform, clear, intermediate as by Radiance's gensky.
+        1 to 16 as by CIE S 011, or overcast, uniform, clear, intermediate as by Radiance's gensky;
+        16 where nothing else tells the sky.
     time
         Such as 2026-06-21T12:00, as clocks at the place show it, or with its offset; with
         --weather local standard time, as the file has it.
@@ -98,22 +99,24 @@ def sky(
     if len(given) > 1:
         raise InputError(f"give one of {', '.join(f'--{name}' for name in given)}")
     if weather is not None:
-        _refuse("--weather", {**place, **position, **irradiance, **levels})
+        _refuse("--weather", {"TYPE": type_, **place, **position, **irradiance, **levels})
         shown = _of_weather(weather, time)
     elif scene is not None:
-        _refuse("--scene", {"time": time, **place, **position, **irradiance, **levels})
+        _refuse(
+            "--scene", {"TYPE": type_, "time": time, **place, **position, **irradiance, **levels}
+        )
         shown = _of_scene(scene)
     else:
         altitude, azimuth = _sun_place(time, place, position)
         if patches is not None:
             level = levels.pop("diffuse_illuminance_lx")
-            _refuse("--patches", {**irradiance, **levels})
+            _refuse("--patches", {"TYPE": type_, **irradiance, **levels})
             shown = _of_patches(patches, altitude, azimuth, level)
         elif direct is not None or diffuse is not None:
-            _refuse("--direct and --diffuse", levels)
+            _refuse("--direct and --diffuse", {"TYPE": type_, **levels})
             shown = _of_irradiance(direct, diffuse, altitude, azimuth)
         else:
-            shown = _of_type(type_, altitude, azimuth, levels)
+            shown = _of_type(type_ or "16", altitude, azimuth, levels)
     shown = dataclasses.replace(shown, color=color)
     if output is not None:
         from patchlight.reports.files import write_bytes
@@ -128,7 +131,7 @@ def _refuse(by: str, options: dict[str, Any]) -> None:
     """Raise `InputError` for options that what ``by`` says leaves without effect."""
     odd = [name.split("_lx")[0].split("_cd")[0] for name, v in options.items() if v is not None]
     if odd:
-        names = ", ".join("--" + name.replace("_", "-") for name in odd)
+        names = ", ".join(name if name == "TYPE" else "--" + name.replace("_", "-") for name in odd)
         raise InputError(f"{names}: not used together with {by}")
 
 

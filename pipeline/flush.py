@@ -98,13 +98,14 @@ def _note(
 
 
 def _flat_faces(patches: PatchSet, points: FloatArray, size: float) -> list[_Flat]:
-    """Faces that are flat to rounding."""
+    """Faces that are flat to rounding, which grows with the distance from the origin."""
+    rounding = 1e-12 * max(size, float(np.abs(points).max(initial=0.0)))
     first, second = points[:, 15] - points[:, 0], points[:, 3] - points[:, 12]
     normals = np.cross(first, second)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(length > 0.0, length, 1.0)
     away = np.einsum("nik,nk->ni", points - points[:, :1], normals)
-    flat = (length[:, 0] > 0.0) & (np.abs(away).max(axis=1) <= 1e-12 * size)
+    flat = (length[:, 0] > 0.0) & (np.abs(away).max(axis=1) <= rounding)
     order = np.argsort(patches.face_index, kind="stable")
     _, starts = np.unique(patches.face_index[order], return_index=True)
     all_flat = np.logical_and.reduceat(flat[order], starts)
@@ -113,7 +114,7 @@ def _flat_faces(patches: PatchSet, points: FloatArray, size: float) -> list[_Fla
         own = points[rows]
         n = normals[rows[np.argmax(length[rows, 0])]]
         offset = float((own.reshape(-1, 3) @ n).mean())
-        if np.abs(own @ n - offset).max() <= 1e-12 * size:
+        if np.abs(own @ n - offset).max() <= rounding:
             low, high = own.min(axis=(0, 1)), own.max(axis=(0, 1))
             out.append(_Flat(rows, own, low, high, n, offset, int(patches.part_index[rows[0]])))
     return out

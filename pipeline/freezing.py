@@ -23,7 +23,7 @@ from patchlight.solver.model import (
     Sun,
     Web,
 )
-from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.arrays import FloatArray, IntArray
 from patchlight.solver.model.sky import direction
 
 from .assigning import full_path, matched_parts, row_offsets
@@ -69,7 +69,8 @@ def frozen_scene(scene: Scene, state: str | None = None) -> SceneData:
     from .grids import resolved_sensors
     from .remarks import scene_notes
 
-    sensors, grid_notes = resolved_sensors(scene, data, problems)
+    # Sensors are those of the scene with all its parts, whatever its state.
+    sensors, grid_notes = ((), ()) if state else resolved_sensors(scene, data, problems)
     problems.raise_any()
     data = dataclasses.replace(
         data,
@@ -117,33 +118,39 @@ def _without_sensors(scene: Scene, state: str | None) -> tuple[Slots, SceneData]
         title=scene.title or next(iter(scene.entries)),
         notes=notes,
     )
+    gone: list[int] = []
+    had = np.unique(data.luminaire_index[data.luminaire_index >= 0])
     if state is not None:
         gone = absent_parts(scene.states.values(), state, [part.path for part in parts])
         data = without_parts(data, gone)
-    slots, data = _without_lost_lamps(slots, data, with_one_of_each(data, slots.order))
+    slots, data = _without_lost_lamps(slots, with_one_of_each(data, slots.order), had, gone)
     return slots, with_glass(data, slots.glass)
 
 
 def _without_lost_lamps(
-    slots: Slots, before: SceneData, data: SceneData
+    slots: Slots, data: SceneData, had: IntArray, gone: list[int]
 ) -> tuple[Slots, SceneData]:
-    """Lamps whose faces all lie on others that carry the light instead are none."""
+    """Lamps that ``had`` faces and have none left are none: those of parts that are ``gone``, and
+    those whose faces all lie on others that carry the light instead.
+    """
     left = np.unique(data.luminaire_index[data.luminaire_index >= 0])
-    lost = np.setdiff1d(before.luminaire_index[before.luminaire_index >= 0], left)
+    lost = np.setdiff1d(had, left)
     if not len(lost):
         return slots, data
     number = np.full(len(slots.lamps) + 1, -1)  # the last one stands for no lamp
     kept = [k for k in range(len(slots.lamps)) if k not in lost]
     number[kept] = np.arange(len(kept))
-    paths = ", ".join(data.parts[slots.lamps[k][0]].path for k in lost)
+    paths = [data.parts[slots.lamps[k][0]].path for k in lost if slots.lamps[k][0] not in gone]
     note = (
-        f"no light of {paths}: the emitting faces lie on others that look the same way and carry "
-        "the light; remove one of the two"
+        f"no light of {', '.join(paths)}: the emitting faces lie on others that look the same way "
+        "and carry the light; remove one of the two"
     )
     return (
         dataclasses.replace(slots, lamps=[slots.lamps[k] for k in kept]),
         dataclasses.replace(
-            data, luminaire_index=number[data.luminaire_index], notes=(*data.notes, note)
+            data,
+            luminaire_index=number[data.luminaire_index],
+            notes=(*data.notes, note) if paths else data.notes,
         ),
     )
 

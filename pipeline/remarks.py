@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 #: Part names that promise transparency.
 GLASS_NAMES = ("glass", "pane", "glazing")
+#: Said of scenes without light of their own.
+NO_LIGHT = "no light: the scene has no emitter, no sky and no sun"
 #: How many names a line lists.
 MOST_NAMES = 8
 
@@ -60,7 +62,7 @@ def _glass(data: SceneData) -> list[str]:
 def _light(data: SceneData) -> list[str]:
     notes = []
     if data.sky is None and data.sun is None and not data.luminaires:
-        notes.append("no light: the scene has no emitter, no sky and no sun")
+        notes.append(NO_LIGHT)
     if data.sky is not None and data.sky.relative:
         notes.append(
             "the sky has no level of its own: scaled to 10 000 lx diffuse horizontal (relative)"

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from patchlight.solver.effort import check_effort
-from patchlight.solver.errors import InputError
+from patchlight.solver.errors import GeometryError, InputError
 from patchlight.solver.model import SceneData, Weather
 from patchlight.solver.model.arrays import FloatArray
 
+from .remarks import NO_LIGHT
 from .scene import Scene
 from .simulation import announce_kernels
 from .year_store import Block, YearStore, key_of
@@ -117,6 +118,11 @@ def simulate_year(
         timezone = None
     clock = clock_times(weather, timezone)
     occupied = is_occupied(clock, schedule, weather.step_minutes)
+    if not occupied.any():
+        raise InputError(
+            f"schedule = {schedule!r}: holds the middle of no step of {weather.step_minutes} "
+            "minutes; give a longer one or smaller step_minutes"
+        )
     announce_kernels(progress)
     skies = SkySeries.of(weather)
     key = key_of(
@@ -132,7 +138,8 @@ def simulate_year(
     dims: tuple[str, ...] = ("sensor", "time")
     if isinstance(scene, Scene) and scene.states:
         small, dims = small.assign_coords(state=list(scenes)), ("state", *dims)
-    remarks = [*weather.remarks, *far, *found.pop("warnings", [])]
+    notes = [note for data in scenes.values() for note in data.notes if note != NO_LIGHT]
+    remarks = [*weather.remarks, *far, *notes, *found.pop("warnings", [])]
     small.attrs = {
         "schema_version": SCHEMA_VERSION,
         "title": first.title,
@@ -148,7 +155,7 @@ def simulate_year(
         "accuracy": accuracy,
         "sky_model": "Perez 1993, luminous efficacies of Perez 1990",
         "patchlight": _version(),
-        "remarks": "\n".join(remarks),
+        "remarks": "\n".join(dict.fromkeys(remarks)),
         **found,
     }
     return store.dataset(small, VARIABLES, dims, ends)
@@ -163,10 +170,13 @@ def _states(scene: Scene | SceneData) -> dict[str, SceneData]:
     whole = scene.freeze()
     if not scene.states:
         return {"": whole}
-    return {
-        name: dataclasses.replace(scene.freeze(state=name), sensors=whole.sensors)
-        for name in scene.states
-    }
+    found = {}
+    for name in scene.states:
+        try:
+            found[name] = dataclasses.replace(scene.freeze(state=name), sensors=whole.sensors)
+        except (InputError, GeometryError) as error:
+            raise type(error)(f"state {name!r}: {error}") from None
+    return found
 
 
 def _with_grids(data: SceneData, sensors: str | Iterable[str] | None) -> SceneData:
@@ -199,8 +209,9 @@ def _fill(
     from patchlight.solver.stages import Stages
 
     open_ = [k for k in range(len(ends)) if not store.has(k)]
-    if not open_:
-        return {}
+    known = store.record()
+    if not open_ and known is not None:
+        return known
     warnings: list[str] = []
     with with_threads(threads):
         solved = []
@@ -209,13 +220,19 @@ def _fill(
             stages = Stages(progress)
             solved.append(Coefficients.of(data, accuracy=accuracy, stages=stages, suns=suns))
             warnings += [f"{name}: {text}" if name else text for text in stages.warnings]
+        error = max(one.sun_error(suns) for one in solved)
+        found = {
+            "warnings": warnings,
+            "sun_indirect_error": error,
+            "converged": int(all(one.converged for one in solved)),
+        }
+        store.put_record(found)
         for done, k in enumerate(open_):
             if progress is not None:
                 progress("year", done, len(open_))
             steps = np.arange(ends[k - 1] if k else 0, ends[k])
             store.put(k, _block(solved, skies, steps, stacked=bool(next(iter(scenes)))))
-        error = max(one.sun_error(suns) for one in solved)
-    return {"warnings": warnings, "sun_indirect_error": error}
+    return found
 
 
 def _block(

@@ -23,7 +23,7 @@ class YearOptions:
 
     weather: Path
     output: Path | None = None
-    accuracy: float = 0.02
+    accuracy: float | None = None
     threads: int | None = None
     sensors: tuple[str, ...] = ()
     schedule: str = "08:00-18:00"
@@ -39,6 +39,7 @@ class YearRun:
     folder: Path
     rows: list[dict[str, Any]]
     warnings: tuple[str, ...]
+    converged: bool
 
 
 def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
@@ -62,6 +63,11 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     compile_ahead()
     folder = options.output or Path(f"{path.stem}-patchlight-year")
     file = read_scene_file(path)
+    for key, usual in (("method", "default"), ("basis", None), ("balanced_mesh", False)):
+        if (given := getattr(file, key)) != usual:
+            raise InputError(f"{path}: {key} = {given!r}: a year has no such choice; leave it out")
+    if options.accuracy is not None:
+        file = file.model_copy(update={"accuracy": options.accuracy})
     models = [path.parent / table.file for table in file.model]
     used = [*models, options.weather]
     prepare_output(folder, used, force=options.force, own=("grids",))
@@ -73,7 +79,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
         scene,
         weather,
         sensors=options.sensors or None,
-        accuracy=options.accuracy,
+        accuracy=scene.accuracy,
         schedule=options.schedule,
         step_minutes=options.step_minutes,
         out=target,
@@ -82,12 +88,13 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     )
     with dataset:
         warnings = tuple(text for text in str(dataset.attrs["remarks"]).splitlines() if text)
+        converged = bool(dataset.attrs["converged"])
         inputs = [{"path": str(p.resolve()), "sha256": file_hash(p)} for p in used]
         rows = write_year(dataset, folder, inputs=inputs, config=resolved_config(file, path.parent))
     talk.stop()
     for warning in warnings:
         talk.warn(warning)
-    return YearRun(folder, rows, warnings)
+    return YearRun(folder, rows, warnings, converged)
 
 
 def year_text(run: YearRun) -> str:

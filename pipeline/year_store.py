@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import os
 import shutil
 from collections.abc import Mapping
@@ -71,6 +72,30 @@ class YearStore:
         with np.load(self._path(number)) as file:
             return {name: file[name] for name in file.files}
 
+    def put_record(self, record: dict[str, Any]) -> None:
+        """Keep what is to be known of all blocks besides, for a run that finds them all here."""
+        if self._folder is None:
+            return
+        path = self._folder / f"{self.key[:16]}.json"
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            draft = path.with_name(f".{path.name}.{os.getpid()}")
+            draft.write_text(json.dumps(record), encoding="utf-8")
+            os.replace(draft, path)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+    def record(self) -> dict[str, Any] | None:
+        """What `put_record` kept; None where it did not."""
+        if self._folder is None:
+            return None
+        try:
+            text = (self._folder / f"{self.key[:16]}.json").read_text(encoding="utf-8")
+            found: dict[str, Any] = json.loads(text)
+        except (OSError, ValueError):
+            return None
+        return found
+
     def clear(self) -> None:
         """Take the folder away."""
         if self._folder is not None:
@@ -134,6 +159,6 @@ class YearStore:
 
 def key_of(*values: Any) -> str:
     """Hash of numbers, names, arrays, and of tuples, mappings and dataclasses of them."""
-    from patchlight.solver.reuse import digest
+    from patchlight.solver.store import digest
 
     return hashlib.sha256(digest(*values)).hexdigest()

@@ -94,8 +94,9 @@ def year_rows(dataset: xarray.Dataset) -> list[Row]:
     whole = len(sky) * minutes in (365 * 1440, 366 * 1440)
     rows: list[Row] = []
     for grid in grid_years(dataset):
-        rows += [_row(grid.name, *one) for one in _by_schedule(grid, occupied, minutes / 60.0)]
+        rows += [_row(grid.name, *one) for one in _by_schedule(grid, occupied)]
         if whole:
+            rows += [_row(grid.name, *one) for one in _by_lm83(grid, occupied, minutes / 60.0)]
             rows += [_row(grid.name, *one) for one in _by_year(grid, sky, minutes / 60.0)]
             rows += [_row(grid.name, *one) for one in _by_equinox(grid, dataset, minutes)]
     return rows
@@ -111,9 +112,7 @@ def _row(grid: str, quantity: str, value: Any, unit: str) -> Row:
     }
 
 
-def _by_schedule(
-    grid: GridYear, occupied: NDArray[np.bool_], step_h: float
-) -> list[tuple[str, Any, str]]:
+def _by_schedule(grid: GridYear, occupied: NDArray[np.bool_]) -> list[tuple[str, Any, str]]:
     light, area = grid.illuminance, grid.area
     share = area / area.sum()
     found: list[tuple[str, Any, str]] = [
@@ -123,17 +122,23 @@ def _by_schedule(
     for name, values in zip(UDI_NAMES, useful_illuminance(light, occupied), strict=True):
         key = f"UDI_{name.replace(' ', '_')}_mean_pct"
         found.append((key, 100.0 * float(share @ values), "%"))
+    if grid.state is not None:
+        changed = 100.0 * float((grid.state[occupied] > 0).mean())
+        found.append(("blinds_not_in_first_state_pct", changed, "% of hours"))
+    return found
+
+
+def _by_lm83(
+    grid: GridYear, occupied: NDArray[np.bool_], step_h: float
+) -> list[tuple[str, Any, str]]:
+    light, area = grid.illuminance, grid.area
     sda = spatial_autonomy(light, area, occupied)
     ase = sunlight_exposure(grid.sun, area, occupied, step_h)
-    found += [
+    return [
         ("sDA300_50_pct", 100.0 * sda, "% of area"),
         ("ASE1000_250h_pct", 100.0 * ase, "% of area"),
         ("LEED_option_1_points", leed_points(sda, OPTION_1), ""),
     ]
-    if grid.state is not None and occupied.any():
-        changed = 100.0 * float((grid.state[occupied] > 0).mean())
-        found.append(("blinds_not_in_first_state_pct", changed, "% of hours"))
-    return found
 
 
 def _by_year(grid: GridYear, sky: FloatArray, step_h: float) -> list[tuple[str, Any, str]]:

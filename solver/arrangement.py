@@ -26,6 +26,8 @@ from .topology import writable
 
 #: Places whose rows may be kept: more are found anew.
 MOST_STANDS = 16
+#: Exitance that is more than none, of what is dark. [lm/m²]
+DARK = 1e-100
 #: Rounding of distances that depend on where the scene's points are counted from.
 _ROUNDING = 1e-9
 
@@ -181,7 +183,9 @@ class Arrangement:
         if worth is not None and choose is not None:
             oldest = len(history.stands) - MOST_STANDS
             of = patches.part_index
-            bounds = bounds_of_change(rows, history, asked, stand, worth.light, ~whole, of)
+            # Also what is dark moves, and may be painted before the next run.
+            light = np.maximum(worth.light, DARK)
+            bounds = bounds_of_change(rows, history, asked, stand, light, ~whole, of)
             stays = ~whole & (history.since > oldest)
             stays &= choose(worth, np.where(stays, bounds, np.inf))
         pairs = np.zeros(rows.factors.shape, dtype=bool)

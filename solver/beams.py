@@ -88,7 +88,10 @@ class Beams:
         points : int
             Points in the part of an element of each unknown.
         """
-        worth = np.abs(weights).sum(axis=0) * under_even_sky
+        # Of each value the share: what is little of all light may be all that a dim sensor gets.
+        parts = np.abs(weights) * under_even_sky
+        whole = parts.sum(axis=1, keepdims=True)
+        worth = (parts / np.where(whole > 0.0, whole, 1.0)).max(axis=0, initial=0.0)
         order = np.argsort(worth, kind="stable")
         dim = np.cumsum(worth[order]) <= LEFT_OUT * worth.sum()
         used = np.sort(order[~dim])

@@ -68,6 +68,8 @@ class Coefficients:
         Indirect light of suns by themselves, before it is scaled.
     beam_scale : (m,) array
         What its values are scaled by.
+    converged : bool
+        Whether the solve under the even sky reached its accuracy.
     """
 
     sky_grid: DomeGrid
@@ -81,6 +83,7 @@ class Coefficients:
     stages: Stages
     exact_beams: Beams
     beam_scale: FloatArray
+    converged: bool
 
     @classmethod
     def of(
@@ -131,11 +134,13 @@ class Coefficients:
         solver, kept = run.start()
         solved = run.solved(solver, kept)
         kept.tell()
+        converged = run.judge(solved)
         if solver.highlights.any:
             stages.warnings.append(
                 "glossy surfaces: through a year they reflect sky and sun as if they were matt"
             )
-        sky = OpenSky(even, solver.blockers, trace=solver.trace)
+        # In a cavity of its own nothing hides anything from anything, but its wall the sky.
+        sky = OpenSky(even, solver.blockers, trace=solver.trace or solver.in_cavity)
         points = np.concatenate([grid.points for grid in scene.sensors])
         normals = np.concatenate([grid.normals for grid in scene.sensors])
         with stages.run("open sky"):
@@ -151,7 +156,7 @@ class Coefficients:
                 node,
                 side,
                 weights,
-                luminous(field.arriving.components["sky.direct"]),
+                _under_sky(field),
                 sky,
                 POINTS[fine],
             )
@@ -179,6 +184,7 @@ class Coefficients:
             stages=stages,
             exact_beams=of_sun,
             beam_scale=scale,
+            converged=converged,
         )
 
     def sun_indirect(self, suns: FloatArray) -> FloatArray:
@@ -225,6 +231,12 @@ def _at_sensors(solved: Solved, name: str) -> FloatArray:
         grid.components.get(name, np.zeros(len(grid.points))) for grid in solved.sensors.values()
     ]
     return np.concatenate(parts)
+
+
+def _under_sky(field: Field) -> FloatArray:
+    """Illuminance (N,) of the unknowns straight from the sky. [lx]"""
+    found = field.arriving.components.get("sky.direct")
+    return np.zeros(len(field.unknowns)) if found is None else luminous(found)
 
 
 def _ground(solved: Solved) -> FloatArray:

@@ -1,9 +1,10 @@
 """What rows of form factors that stayed as they were, though something has moved, may have wrong.
 
 The light on each receiver is off by no more than `change_bounds` tells, with the exitances that
-were found. What that makes of all other light is one solution more of the system, and one gather:
-an upper bound at every sensor, as no term is negative. Exitances are those that were found with
-these rows themselves: they are off by as little, so that the bound is to first order.
+were found, the largest at the unknowns of each element. What that makes of all other light is one
+solution more of the system, and one gather, with no negative term. It is a bound to first order:
+exitances are those that were found with these rows themselves, between its unknowns an element may
+be brighter, and what is missing of the flux of lamps has been given to other elements.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from .iterated import Finer
 from .krylov import solve_all
 from .model.arrays import FloatArray, IntArray
 from .model.reached import FLOOR, KEPT_BY
-from .model.result import luminous
 from .reuse import Kept, OldRows
 from .solved_field import Field, SensorRows
 
@@ -31,7 +31,7 @@ TOLERANCE = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeptError:
-    """Upper bounds, by grid of sensors (m,) and on the elements (n,). [lx]"""
+    """Bounds to first order, by grid of sensors (m,) and on the elements (n,). [lx]"""
 
     sensors: list[FloatArray]
     elements: FloatArray
@@ -52,7 +52,7 @@ class KeptError:
 
 
 def kept_error(field: Field, finer: Finer, kept: Kept, seen: dict[str, SensorRows]) -> KeptError:
-    """Upper bound of what old rows have wrong of the light of ``field``, and of ``finer`` light.
+    """Bound of what old rows have wrong of the light of ``field``, and of ``finer`` light.
 
     ``seen`` is what sensors see, by the name of their grid.
     """
@@ -60,7 +60,7 @@ def kept_error(field: Field, finer: Finer, kept: Kept, seen: dict[str, SensorRow
     if not kept.old_rows:
         return KeptError.none(field.surfaces.areas, *(s.rows.sums for s in seen.values()))
     of = kept.scene.patches.part_index
-    light, unknowns = luminous(field.exitance_told), field.unknowns
+    light, unknowns = field.brightest, field.unknowns
     off = np.zeros(len(unknowns))
     coarse, fine = (kept.old_rows.get(name) for name in ("form factors", "iterated gather"))
     if coarse is not None:

@@ -29,6 +29,7 @@ from .kept_mesh import Mesh
 from .kept_sky import under_sky
 from .model.arrays import FloatArray, MatrixArray
 from .model.scene import SceneData
+from .moved import moved_patches
 from .row_finder import Ask
 from .skies import sky_tone
 from .stages import Stages
@@ -201,8 +202,7 @@ class Kept:
         found: RowsAndMore = value.found  # type: ignore[assignment]
         self._mark(_Known(found[0], value.mark, where, value.source))
         if value.history.is_old:
-            old = self.old_rows[name + which] = OldRows(found[0], value.history, asked)
-            self.stages.count({"rows_left": int(old.which.sum())})
+            self.old_rows[name + which] = OldRows(found[0], value.history, asked)
         if there:
             self._count(len(found[0].factors), found[0].factors.size)
         if there and sees_sky is not None and not np.array_equal(value.tone, tone):
@@ -248,6 +248,8 @@ class Kept:
         if tone is not None and not np.array_equal(before.tone, tone):
             return None
         out = sees_out(before.found)  # type: ignore[arg-type]
+        if choose is not None and self._has_moved_a_back(before.history):
+            choose = None  # what it hides has no elements that would tell
         changed = before.changed(
             self.scene.patches, asked, stand, sees_out=out, worth=self.worth, choose=choose
         )
@@ -263,6 +265,15 @@ class Kept:
         self.stages.count({"pairs_renewed": pairs})
         source = before.mark, changed.again
         return _Found(found, before.tone, _new_mark(), changed.history, source)
+
+    def _has_moved_a_back(self, history: History) -> bool:
+        """Whether patches have moved whose backs are no surface, as those of sheets and solids."""
+        bare = ~(self.scene.closed | self.scene.two_sided)
+        nets = self.scene.patches.control_points
+        return bool(bare.any()) and any(
+            stand.nets.shape != nets.shape or (moved_patches(stand.nets, nets) & bare).any()
+            for stand in history.stands
+        )
 
     def _mark(self, known: _Known) -> None:
         if self.store is not None:

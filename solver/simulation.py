@@ -28,7 +28,7 @@ from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
 from .model.arrays import FloatArray
 from .model.reached import accuracies_reached, accuracy_message
-from .model.result import Balance, Result, SensorResult, luminous
+from .model.result import Balance, Result, SensorResult
 from .model.scene import SceneData
 from .moved_blockers import kept_blockers
 from .pictures import render_all
@@ -273,11 +273,7 @@ class Simulation:
         self._count(field)
         light = finer.light
         images = render_all(field, finer, solver, self.budget)
-        self._warn_dark(sensors, light.luminous())
-        stages.warnings.extend(ledger_warning(solved.balance))
-        converged = self._converged(sensors)
-        if not converged:
-            stages.warnings.append(accuracy_message(sensors, self.budget.accuracy))
+        converged = self.judge(solved)
         self._keep_mesh(solver, kept, solved, converged=converged)
         on_elements = solved.error.of(light, doubt_on(field, finer)) + solved.kept.elements
         return Result(
@@ -388,16 +384,20 @@ class Simulation:
         kept, of = solver.kept, (tolerances(self.budget), boxes)
         # Bounds of what old rows have wrong are known where all light passes by form factors.
         lit = self.scene.sky is not None or self.scene.sun is not None
-        kept.exact = lit or not by_factors_alone(self.scene)
+        kept.exact = lit or solver.highlights.any or not by_factors_alone(self.scene)
         kept.worth = kept.of_parts("worth", of)
         solved = self._with_rows(solver, boxes)
         light = [one.illuminance_lx for one in solved.sensors.values()]
         if not solved.kept.is_within(self.budget.accuracy, light):
             kept.exact = True
             solved = self._with_rows(solver, boxes)
+        self.stages.counters.pop("rows_left", None)
+        self.stages.figures.pop("error_of_rows_left_lx", None)
         if kept.old_rows:
             most = max((float(lux.max()) for lux in solved.kept.sensors if len(lux)), default=0.0)
             self.stages.figures["error_of_rows_left_lx"] = most
+            left = sum(int(old.which.sum()) for old in kept.old_rows.values())
+            self.stages.count({"rows_left": left})
         if self.store is not None:
             kept.keep_of_parts("worth", of, self._worth(solved))
         return solved
@@ -406,7 +406,7 @@ class Simulation:
         """What of the light matters, for a run after this one."""
         field = solved.field
         return Worth.of(
-            luminous(field.exitance_told),
+            field.brightest,
             solved.finer.weights,
             field.surfaces.reflectance.max(axis=1),
             field.surfaces.areas,
@@ -417,6 +417,7 @@ class Simulation:
     def _with_rows(self, solver: FieldSolver, boxes: Boxes) -> Solved:
         """The same, old rows being taken as far as `Kept` allows."""
         budget = self.budget
+        solver.kept.old_rows.clear()
         field = solver.solve(budget, boxes)
         seen = [solver.seen(grid, budget, field) for grid in self.scene.sensors]
         finer = solver.finer(field, budget, seen)
@@ -434,6 +435,16 @@ class Simulation:
             sensors[grid.name] = sensor_result(self.scene, k, gathered, mesh + rest, outdoors)
             without_mesh[grid.name] = sensor_result(self.scene, k, gathered, rest)
         return Solved(field, finer, balance, error, kept, sensors, without_mesh, tuple(seen))
+
+    def judge(self, solved: Solved) -> bool:
+        """Whether the accuracy asked for was reached; what is doubtful is among the warnings."""
+        warnings = self.stages.warnings
+        self._warn_dark(solved.sensors, solved.finer.light.luminous())
+        warnings.extend(ledger_warning(solved.balance))
+        if self._converged(solved.sensors):
+            return True
+        warnings.append(accuracy_message(solved.sensors, self.budget.accuracy))
+        return False
 
     def _warn_dark(self, sensors: dict[str, SensorResult], irradiance: FloatArray) -> None:
         warnings = self.stages.warnings

@@ -12,6 +12,7 @@ from .incident import Gathered, Light
 from .kernels.rows import Sources
 from .mirrors import Reflections
 from .model.arrays import FloatArray, MatrixArray
+from .model.result import luminous
 from .radiosity import RadiositySystem
 from .row_finder import Ask
 from .shut_in import Hidden
@@ -78,6 +79,14 @@ class Field:
     def exitance_told(self) -> FloatArray:
         """Exitance (n, b) of the elements that form factors carry: webs are none of it. [lm/m²]"""
         return np.asarray(self.surfaces.diffuse + self.unknowns.mean(self.all_sent))
+
+    @property
+    def brightest(self) -> FloatArray:
+        """Largest exitance (n,) at the unknowns of each element, and its mean at least. [lm/m²]"""
+        out = luminous(self.exitance_told)
+        at = luminous(self.surfaces.diffuse_at(self.unknowns) + self.all_sent)
+        np.maximum.at(out, self.unknowns.element, at)
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from patchlight.pipeline import Ground, Material, SensorGrid, Site, simulate_year
+from patchlight.pipeline import Emitter, Ground, Material, SensorGrid, Site, simulate_year
 from patchlight.pipeline import year as year_module
 from patchlight.pipeline.cli import main
 from patchlight.pipeline.states import absent_parts, make_state
@@ -114,7 +114,7 @@ def test_written_in_blocks_and_taken_up_again(tmp_path, weather_file, whole, mon
     with pytest.raises(KeyboardInterrupt):
         simulate_year(room(), weather_file, accuracy=0.2, out=target, progress=cut)
     assert not target.exists()
-    kept = sorted((tmp_path / ".annual.nc.blocks").iterdir())
+    kept = sorted((tmp_path / ".annual.nc.blocks").glob("*.npz"))
     assert len(kept) == 3
     calls.clear()
 
@@ -201,6 +201,7 @@ def test_states_of_one_name():
     [
         ({"sensors": "wall"}, "no grid named 'wall'; grids: desk, view"),
         ({"schedule": "8 to 6"}, "like 08:00-18:00"),
+        ({"schedule": "12:00-12:20"}, "'12:00-12:20': holds the middle of no step of 60 minutes"),
         ({"step_minutes": 7}, "step_minutes = 7"),
         ({"accuracy": 2.0}, "accuracy"),
         ({"out": "year.csv"}, "ends in .nc"),
@@ -295,7 +296,7 @@ def test_command(step_room, capsys):
     command = ["year", str(scene), "--weather", str(weather), "--accuracy", "0.2", "-o", "out"]
     assert main(command) == 0
     text = capsys.readouterr()
-    assert "sDA300_50_pct" in text.out
+    assert "DA300_mean_pct" in text.out and "sDA300" not in text.out  # of a whole year
     assert "the file covers 2 days, no whole year" in text.err
     out = step_room / "out"
     names = {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()}
@@ -323,6 +324,7 @@ def test_command(step_room, capsys):
         (["room.step", "--weather", "w.epw"], "needs a scene file"),
         (["scene.toml", "--weather", "w.epw"], "w.epw: no such file"),
         (["scene.toml", "--weather", "w.epw", "--schedule", "8-6"], "like 08:00-18:00"),
+        (["basis.toml", "--weather", "two_days.epw"], "basis = 'constant'"),
         (["scene.toml"], "--weather"),
     ],
 )
@@ -330,7 +332,74 @@ def test_bad_command(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "room.step").write_text("")
     write(tmp_path, ROOM.format(more=""))
+    (tmp_path / "basis.toml").write_text("basis = 'constant'\n" + ROOM.format(more=""))
+    epw(tmp_path)
     assert main(["year", *words]) == 2
     told = capsys.readouterr().err.strip()
     assert message in told
     assert "\n" not in told
+
+
+def test_no_light_comes_into_a_closed_room(weather_file):
+    """Also where it is one cavity of air, in which nothing hides anything."""
+    import cadquery as cq
+    from patchlight.pipeline import Air, Scene, from_cadquery
+
+    room = cq.Workplane().box(3, 4, 2.5).translate((0, 0, 1.25))
+    scene = Scene(from_cadquery(room, unit="m", name="air"))
+    scene.assign("air", Air())
+    scene.add(SensorGrid([(0, 0, 0.8)], (0, 0, 1), name="desk"))
+    found = simulate_year(scene, weather_file, accuracy=0.3)
+    assert (found["illuminance"].values == 0.0).all()
+    assert (found["sun_illuminance"].values == 0.0).all()
+
+
+def test_dim_sensors_keep_their_indirect_light(weather_file, monkeypatch):
+    """What is little of the light of all sensors is all that some of them get."""
+    from patchlight.solver import beams
+
+    alone = simulate_year(room(), weather_file, sensors="view", accuracy=0.2)
+    monkeypatch.setattr(beams, "LEFT_OUT", 0.3)
+    scene = room()
+    scene.add(SensorGrid([(0, -1.0 - 0.01 * k, 0.5) for k in range(300)], (0, 1, 0), name="facade"))
+    many = simulate_year(scene, weather_file, accuracy=0.2)
+    some = many["illuminance"].values[many["grid"].values == "view"]
+    day = alone["sun_altitude"].values > 5.0
+    assert (some[:, day] > 0.3 * alone["illuminance"].values[:, day]).all()
+
+
+def test_states_of_what_sensors_lie_on_and_of_lamps(weather_file):
+    scene = room(blind=True)
+    scene.assign("blind", Emitter(flux_lm=100.0))
+    scene.add_state("with", present="blind")
+    scene.add_state("without")
+    found = simulate_year(scene, weather_file, sensors="view", accuracy=0.3)
+    assert found["state"].values.tolist() == ["with", "without"]
+    bright = found["illuminance"].values.sum(axis=(1, 2))
+    assert bright[1] > 2.0 * bright[0]
+
+
+def test_notes_and_accuracy_not_reached_are_told(weather_file):
+    scene = room(blind=True)
+    scene.assignments.pop()
+    found = simulate_year(scene, weather_file, sensors="view", accuracy=0.02)
+    assert found.attrs["converged"] == ("not reached" not in found.attrs["remarks"])
+    assert "got the default" in found.attrs["remarks"]
+    assert "no light" not in found.attrs["remarks"]
+
+
+def test_all_blocks_with_nothing_said_of_them(tmp_path, weather_file, monkeypatch):
+    """What was found besides the blocks is known again."""
+    target = tmp_path / "annual.nc"
+
+    def cut(self, *given):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(year_module.YearStore, "dataset", cut)
+        with pytest.raises(KeyboardInterrupt):
+            simulate_year(room(), weather_file, sensors="view", accuracy=0.2, out=target)
+    monkeypatch.setattr(year_module, "_block", None)
+    found = simulate_year(room(), weather_file, sensors="view", accuracy=0.2, out=target)
+    assert found.attrs["sun_indirect_error"] > 0.0
+    assert found.attrs["converged"] in (0, 1)

@@ -282,3 +282,46 @@ def test_paint_of_materials_is_no_place(monkeypatch):
     run(room(FIRST))
     run(dataclasses.replace(room(FIRST), materials=(Material(0.6), Material(0.3))))
     assert asked == [{}, {}]
+
+
+def test_what_is_behind_a_sheet_without_a_back_is_found_anew():
+    """Its black back has no elements, so nothing tells what its shadow was and is."""
+    sheet = PatchSet.from_bilinear(
+        [[(-0.4, -0.4, 0), (-0.4, 0.4, 0), (0.4, 0.4, 0), (0.4, -0.4, 0)]]
+    )
+    sheet = sheet if sheet.normals(0.5, 0.5)[0, 2] > 0.0 else sheet.flipped()
+    made = [
+        room((*at, 1.6), things=(sheet,), points=[(0.0, 0.0, 0.8), *POINTS])
+        for at in ((1.4, 1.8), (0.0, 0.0))
+    ]
+    run(made[0])
+    again = run(made[1])
+    assert again.counters.get("rows_left", 0) == 0
+    assert off(again, fresh(made[1])) < 1.0
+
+
+def test_what_moved_in_the_dark_is_found_anew_when_it_is_painted():
+    run(room(FIRST, rho=0.0))
+    run(room(SECOND, rho=0.0))
+    painted = room(SECOND, rho=0.6)
+    again, own = run(painted), fresh(painted)
+    assert off(again, own) < 1.0
+    # Rows that are left are known as such: their error is stated.
+    assert again.counters.get("rows_left", 0) == 0 or again.settings["error_of_rows_left_lx"] > 0.0
+
+
+def test_gloss_leaves_no_rows():
+    run(room(FIRST))
+    made = [
+        dataclasses.replace(
+            one,
+            materials=tuple(
+                dataclasses.replace(m, specular=0.2, exponent=50.0) for m in one.materials
+            ),
+        )
+        for one in (room(FIRST, rho=0.4), room(SECOND, rho=0.4))
+    ]
+    run(made[0])
+    again = run(made[1])
+    assert again.counters.get("rows_left", 0) == 0
+    assert off(again, fresh(made[1])) < 1.0
