@@ -127,7 +127,10 @@ def test_5_11_and_5_12_facade(size, glazed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("depth", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(
+    "depth",
+    [0.5, pytest.param(1.0, marks=pytest.mark.long), pytest.param(2.0, marks=pytest.mark.long)],
+)
 def test_5_13_overhang(depth):
     scene = scene_of(FACADES["2x1"], 0.0)
     x = 500.0
@@ -137,6 +140,7 @@ def test_5_13_overhang(depth):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("height", [3.0, 6.0, 9.0])
 def test_5_14_wall_across(height):
     scene = scene_of(FACADES["2x1"], 0.0)
