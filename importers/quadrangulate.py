@@ -26,8 +26,10 @@ STRICT = 0.25
 FOLDED = 1e-3
 #: Halving ends with more arcs than `FEW_ARCS` and than `GROWTH` times those of the boundary: that
 #: is near a place where it touches itself, at which no halving ever ends.
-FEW_ARCS = 3000
+FEW_ARCS = 1000
 GROWTH = 4
+#: Arcs that all rounds together may pair, against most of one: each takes seconds then.
+ROUNDS = 2
 
 
 def corner_turns(loop: Loop) -> FloatArray:
@@ -235,6 +237,7 @@ def _general(
     loops = [loop if len(loop) > 2 else _split_up(loop) for loop in loops]
     most = max(FEW_ARCS, GROWTH * sum(len(loop) for loop in loops))
     tries = (True, False) if planar else (False,)
+    spent = 0
     for sectors in tries:
         current: list[Loop] = loops
         for round_ in range(7):
@@ -252,6 +255,10 @@ def _general(
             if not cut:
                 return extra
             if sectors and not _clean(cut):
+                break
+            spent += sum(len(loop) for loop in cut)
+            if spent > ROUNDS * most:
+                reason = reason or "the boundary touches or crosses itself"
                 break
             # Thin cells are worth three rounds of halving, folded ones more.
             limit = thin if round_ < 3 else FOLDED
