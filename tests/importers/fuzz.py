@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from patchlight.importers import child, stored
 
-#: CPU seconds and bytes that a file may take; on a busy machine it takes five times as long.
+#: CPU seconds and bytes that a file may take; on a busy machine twice that of the clock.
 SECONDS, BYTES = 120, 2_000_000_000
 
 
@@ -26,7 +26,7 @@ def read(path: Path) -> int:
     """In a fork: read one file as the reading process does."""
     # Both end the process by a signal.
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
-    signal.alarm(5 * SECONDS)
+    signal.alarm(2 * SECONDS)
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(os.open(path.with_suffix(".err"), os.O_WRONLY | os.O_CREAT), 2)

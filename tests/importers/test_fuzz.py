@@ -113,6 +113,7 @@ def outcomes(tmp_path_factory):
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_every_file_ends_in_a_model_or_an_error(outcomes):
     assert len(outcomes) == 3 * (1 + len(DAMAGE) * CASES)
@@ -124,6 +125,7 @@ def test_every_file_ends_in_a_model_or_an_error(outcomes):
             assert o.get("finite", True), o
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_undamaged_files_are_read_whole(outcomes):
     whole = [o for o in outcomes if "-" not in o["name"]]
@@ -131,6 +133,7 @@ def test_undamaged_files_are_read_whole(outcomes):
     assert all(o["failed"] == 0 for o in whole)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_no_file_hangs(outcomes):
     """The CAD kernel crashes on some, while it transfers what refers to nothing: that costs the
