@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 #: on its first way to them, each set of rows; and that by which rows of sensors may change theirs.
 #: What is reflected on counts some twice as much, and sensors beside what has moved get more of it:
 #: within `kept_error.AT_MOST`.
-CHOSEN, CHOSEN_AT_SENSORS = 0.02, 0.02
+CHOSEN, CHOSEN_AT_SENSORS = 0.03, 0.03
 
 
 #: Tells which rows (m,) may stay, given what bounds (m,) there are of what they have wrong. [lx]

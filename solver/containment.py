@@ -133,6 +133,14 @@ class Containment:
         """Row of a part whose material each point (m, 3) lies in, −1 for none: (m,) int. [m]"""
         return self._solids.parts_at(points)
 
+    def any_in(self, points: ArrayLike, patches: NDArray[np.bool_]) -> bool:
+        """Whether any point (m, 3) [m] lies in a solid that ``patches`` (p,) are all of."""
+        rows = np.flatnonzero(self._material & patches)
+        if not len(rows):
+            return False
+        solids = Volumes(self._scene.patches.take(rows), len(self._scene.parts))
+        return bool((solids.parts_at(points) >= 0).any())
+
     def buried(self, nodes: ArrayLike, normals: ArrayLike, distance: float) -> IntArray:
         """Whether surface nodes (m, 3) with unit normals are covered: (m,) bool.
 

@@ -60,14 +60,20 @@ class DirectLight:
         Its patches as obstacles.
     trace : bool
         Whether anything can hide anything.
+    more : (k,) array, optional
+        By how much each piece shines more, or less, than before: the light is the change then.
+        Pieces that do as before are left out. [lm/m²]
     """
 
-    def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool) -> None:
+    def __init__(
+        self, scene: SceneData, blockers: Blockers, *, trace: bool, more: FloatArray | None = None
+    ) -> None:
         self.blockers = blockers
         boxes = lamp_boxes(scene)
+        self._exitance = lamp_exitances(scene, boxes) if more is None else more[more != 0.0]
+        boxes = boxes if more is None else boxes.take(np.flatnonzero(more))
         lamps = elements_on(scene.patches, boxes)
         self._areas, self._middles = lamps.areas, lamps.nodes.mean(axis=1)
-        self._exitance = lamp_exitances(scene, boxes)
         nets = scene.patches.control_points
         self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
         self._caster = RayCaster(scene.without_panes.patches) if trace else None
@@ -106,7 +112,7 @@ class DirectLight:
             trace=False,
         ).factors
         if self._caster is not None:
-            light = factors * self._exitance
+            light = factors * np.abs(self._exitance)
             row, lamp = np.nonzero(light > FAINT * light.sum(axis=1, keepdims=True))
             start = points[row] + self._lift * normals[row]
             way = self._middles[lamp] - start

@@ -24,7 +24,7 @@ from .solved_field import Field, SensorRows
 
 #: Share of the accuracy asked for that rows may have wrong at nearly all sensors of a grid; beyond
 #: it they are found anew.
-AT_MOST = 0.1
+AT_MOST = 0.2
 #: Relative residual of what they make of other light.
 TOLERANCE = 0.01
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .direct_light import DirectLight, lamp_boxes, lamp_exitances
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
 from .reuse import Kept
+
+#: Relative difference of exitances that is rounding.
+_SAME = 1e-9
 
 
 class KeptLight:
@@ -46,3 +51,21 @@ class KeptLight:
             return self._light.at(points, normals, patches)
 
         return self.kept.find("direct light", (self._lamps, points, normals, patches), find)
+
+    def change(
+        self, points: FloatArray, normals: FloatArray, patches: IntArray, before: FloatArray
+    ) -> tuple[float, FloatArray]:
+        """What has become of the illuminance at points (m, 3) on ``patches`` (m,).
+
+        Pieces of lamps had exitances ``before`` (k,) [lm/m²]. Returns by what the light of then is
+        to be multiplied, and what comes to that (m,) [lx]: of lamps which have changed unlike most.
+        """
+        shone = before > 0.0
+        ratios = self.exitances[shone] / before[shone]
+        usual = float(np.quantile(ratios, 0.5, method="lower")) if shone.any() else 0.0
+        more = self.exitances - usual * before
+        more[np.abs(more) <= _SAME * self.exitances] = 0.0
+        if not more.any():
+            return usual, np.zeros(len(points))
+        lamps = DirectLight(self.scene, self.blockers, trace=self.trace, more=more)
+        return usual, lamps.at(points, normals, patches)[0]

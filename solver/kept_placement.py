@@ -64,7 +64,9 @@ def _may_differ(scene: SceneData, tester: Containment, before: FloatArray) -> bo
         + [np.array([camera.eye]) for camera in scene.cameras]
     )
     held = _near(points, np.zeros(len(points)), places.parts, near)
-    return bool(held.any() and (tester.parts_at(points[held]) >= 0).any())
+    # What has not moved holds no more of them than before.
+    moved = np.isin(part, part[dirty])
+    return bool(held.any()) and tester.any_in(points[held], moved)
 
 
 def _near(

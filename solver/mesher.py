@@ -162,11 +162,14 @@ class Mesher:
         if mesh.looked is None:
             return 0.0
         refiner, (index, levels) = self._refine_by(budget), self.lamps(budget)
-        known, now = (*mesh.lamps, mesh.nets), (index, levels, self.scene.patches.control_points)
-        if not all(np.array_equal(a, b) for a, b in zip(known[:2], now[:2], strict=True)):
+        moved = not np.array_equal(mesh.nets, self.scene.patches.control_points)
+        dimmed, looked = not np.array_equal(mesh.lamps[1], levels), mesh.looked
+        other = not np.array_equal(mesh.lamps[0], index) or len(mesh.lamps[1]) != len(levels)
+        if other or (moved and dimmed):
             return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
-        looked = mesh.looked
-        if not np.array_equal(mesh.nets, now[2]):
+        if dimmed:
+            looked = refiner.relit(mesh.boxes, looked, mesh.lamps[1])
+        elif moved:
             places = refiner.places(mesh.boxes)
             touched = points_in_new_light(self.scene, mesh.nets, mesh.boxes.patch, *places)
             most = refiner.at_most(mesh.boxes, looked, np.asarray(touched.any(axis=1)))

@@ -177,6 +177,18 @@ class Refiner:
         nearness[row[inside], point[inside]] = near[inside]
         return replace(looked, light=light[:, :k], told=light[:, k:], nearness=nearness)
 
+    def relit(self, boxes: Boxes, looked: Looked, before: FloatArray) -> Looked:
+        """What was ``looked`` at on ``boxes`` when lamps had exitances ``before`` (k,). [lm/m²]"""
+        points, normals = self.places(boxes)
+        n, k = points.shape[:2]
+        patch = np.repeat(boxes.patch, k)
+        usual, more = self.light.change(points.reshape(-1, 3), normals.reshape(-1, 3), patch, before)
+        light = usual * np.concatenate([looked.light, looked.told], axis=1) + more.reshape(n, k)
+        inside = looked.light.shape[1]
+        # What is found without most lamps may be off by rounding where all light is theirs.
+        light = np.maximum(light, 0.0)
+        return replace(looked, light=light[:, :inside], told=light[:, inside:])
+
     def places(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
         """Points (n, k, 3) at which boxes are looked at, and their normals."""
         found = [points_in(self.patches, boxes, *rule)[:2] for rule in (LOOK, NODES)]

@@ -4,10 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.solver import reuse, rule_error, store
+from patchlight.solver import kept_light, reuse, rule_error, store
 from patchlight.solver.budget import Budget
+from patchlight.solver.direct_light import DirectLight
 from patchlight.solver.field import FieldSolver
 from patchlight.solver.mesh import Boxes
+from patchlight.solver.mesher import Mesher
 from patchlight.solver.model import CIESky, Ground, Material, PatchSet
 from patchlight.solver.simulation import solve
 from patchlight.solver.stages import Stages
@@ -122,6 +124,36 @@ def test_other_paint_and_lamps_need_no_form_factors(changed):
     # Where both would have been cut alike, nothing differs at all.
     if same_mesh(again, own):
         same_bits(again, own)
+
+
+@pytest.mark.parametrize(
+    ("flux", "asked"),
+    [((2000.0, 700.0), 1), ((1000.0, 1000.0), 0), ((2000.0, 1e-9), 1), ((1.0, 900.0), 1)],
+)
+def test_light_of_dimmed_lamps_is_that_of_then_and_the_change(monkeypatch, flux, asked):
+    """Only lamps that are dimmed unlike the others are looked at, none where all are alike."""
+    before, now = _refiner(room()), _refiner(room(flux=flux))
+    boxes = Boxes.regular(Budget.of(room(), ACCURACY).divisions, room().two_sided)
+    looked, own = before._look(boxes), now._look(boxes)
+    assert np.abs(own.light - looked.light).max() > 0.1 * looked.light.max()
+    made = []
+    monkeypatch.setattr(
+        kept_light,
+        "DirectLight",
+        lambda *of, **more: made.append(more["more"]) or DirectLight(*of, **more),
+    )
+    found = now.relit(boxes, looked, before.light.exitances)
+    assert len(made) == asked and all((more == 0.0).any() for more in made)
+    # What makes up less than two hundredths of a point's light is taken to be in sight.
+    for one, other in ((found.light, own.light), (found.told, own.told)):
+        assert (np.abs(one - other) <= 0.03 * other + 1e-9 * own.light.max()).all()
+
+
+def _refiner(made):
+    """Looks at the light of lamps, with nothing kept."""
+    blockers = make_blockers(made.patches, made.closed, made.patches.part_index)
+    mesher = Mesher(made, blockers, trace=True, stages=Stages())
+    return mesher._refine_by(Budget.of(made, ACCURACY))
 
 
 def test_a_mesh_without_lamps_stays_and_so_do_the_bits():
