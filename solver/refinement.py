@@ -182,7 +182,8 @@ class Refiner:
         points, normals = self.places(boxes)
         n, k = points.shape[:2]
         patch = np.repeat(boxes.patch, k)
-        usual, more = self.light.change(points.reshape(-1, 3), normals.reshape(-1, 3), patch, before)
+        flat = points.reshape(-1, 3), normals.reshape(-1, 3)
+        usual, more = self.light.change(*flat, patch, before)
         light = usual * np.concatenate([looked.light, looked.told], axis=1) + more.reshape(n, k)
         inside = looked.light.shape[1]
         # What is found without most lamps may be off by rounding where all light is theirs.
