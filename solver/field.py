@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arrangement import Changed
 from .budget import Budget
@@ -193,10 +194,12 @@ class FieldSolver:
                 factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         lamps_see_out = sees_out and self.rows.sees_out(rows, lamps[of] & (unknowns.areas > 0.0))
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
+        averaged: dict[str, NDArray[np.bool_]] = {}
         if told and self.lamp_groups:
             with self.stages.run("direct light"):
-                means = MeanLight(self.scene, self.blockers)
-                means.put(light.direct, surfaces, unknowns, (AVERAGED * budget.size) ** 2)
+                means, least = MeanLight(self.scene, self.blockers), (AVERAGED * budget.size) ** 2
+                which = means.put(light.direct, surfaces, unknowns, least)
+                averaged = dict.fromkeys(self.lamp_groups, which)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
             shared = factors is rows.factors or self.kept.store is not None
@@ -230,6 +233,7 @@ class FieldSolver:
             arriving=Gathered.of(light, indirect, variance_of(rows, mirrored, luminous(exitance))),
             sent=sent,
             fineness=fineness,
+            averaged=averaged,
         )
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:

@@ -26,7 +26,7 @@ import numpy as np
 
 from .exchange import products
 from .incident import Gathered
-from .lamp_flux import put_right
+from .lamp_flux import as_much, put_right
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.result import luminous
 from .unknowns import Unknowns
@@ -163,6 +163,9 @@ def finer_light(
     components = {name: values.copy() for name, values in told.items()}
     for name, values in arriving.components.items():
         components[name][some] = values
+    for group, which in field.averaged.items():
+        name, at = f"{group}.direct", lift.new[which[chosen]]
+        components[name] = as_much(components[name], told[name], fine.areas, at)
     shares, (flux, eps) = [0.0], lamps
     for group, sent_on in flux.items():
         name = f"{group}.direct"

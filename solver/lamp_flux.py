@@ -18,6 +18,9 @@ LEAST = 1e-3
 #: Most of that variation that is given: what is missing beyond is not missing there.
 MOST = 1.0
 
+#: Light that the nodes of pieces found against what is told, below which it says nothing.
+ENOUGH = 0.3
+
 
 def put_right(
     found: FloatArray,
@@ -66,3 +69,23 @@ def put_right(
     light = found.copy()
     light[pieces] += share * varies[:, None, None] * (flux / total)
     return light, share * there / total
+
+
+def as_much(found: FloatArray, told: FloatArray, areas: FloatArray, pieces: IntArray) -> FloatArray:
+    """Light ``found`` on unknowns, with as much on each of some elements as is ``told``.
+
+    Where nodes of whole elements do not tell how much there is, those of their pieces hardly do:
+    only how it varies over them is taken from these.
+
+    Parameters
+    ----------
+    found, told, areas, pieces
+        As in `put_right`.
+    """
+    light, parts = found.copy(), areas[pieces][:, :, None]
+    size = parts.sum(axis=1, keepdims=True)
+    there, right = ((v[pieces] * parts).sum(axis=1, keepdims=True) / size for v in (found, told))
+    enough = there > ENOUGH * right
+    factor = right / np.where(enough, there, 1.0)
+    light[pieces] = np.where(enough, found[pieces] * factor, told[pieces])
+    return light

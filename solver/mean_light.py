@@ -12,6 +12,7 @@ varies over it is left to the nodes.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .direct_light import LIFT, REACHED
 from .exchange import form_factor_matrix, make_sources
@@ -34,14 +35,15 @@ EPS = 1e-3
 PAIRS = 2_000_000
 #: Patches of lamps from which on looking would cost as much as the form factors.
 MOST_LAMPS = 2000
-#: Share of a point's light below which a patch of a lamp is taken to be in sight or not as the rest
-#: of them is.
+#: Share of a point's light below which only some patches of lamps are asked about, for the others,
+#: too: so that each that is stands for this share. Far lamps are hidden more than near ones, and in
+#: large halls most of them are faint.
 FAINT = 5e-3
 #: Light of the nodes against what is found from many points, below which it is taken for even.
 LEAST = 0.3
-#: Steps of the sequence that places points in their parts, and on the lamps: powers of 1/φ,
-#: φ⁵ = φ + 1.
-STEPS = 0.8566748838545029, 0.7338918566271260, 0.6287067210378087, 0.5385972572236101
+#: Steps of the sequence that places points in their parts, and on the lamps, and chooses these:
+#: powers of 1/φ, φ⁶ = φ + 1.
+STEPS = tuple(1.1347241384015194**-k for k in range(1, 6))
 
 
 def by_rays(scene: SceneData) -> bool:
@@ -82,11 +84,12 @@ class MeanLight:
         surfaces: Surfaces,
         unknowns: Unknowns,
         least: float,
-    ) -> None:
+    ) -> NDArray[np.bool_]:
         """Scale ``direct`` irradiance (N, b) by light group to its means over the elements. [lx]
 
         Those of less area than ``least`` [m²] are looked at in fewer points, and those that are
-        covered in part at their open nodes alone: they are left as they are.
+        covered in part at their open nodes alone: they are left as they are. Returns which (n,)
+        are not.
         """
         elements = surfaces.elements
         open_ = ~elements.buried.any(axis=1)
@@ -96,6 +99,7 @@ class MeanLight:
             rows = np.flatnonzero(some & open_)
             if len(rows):
                 self._put(direct, surfaces, unknowns, rows, look)
+        return np.asarray(open_)
 
     def _put(
         self,
@@ -113,13 +117,17 @@ class MeanLight:
                 if lamp.group == group:
                     color = np.ones(1) if new.shape[1] == 1 else np.asarray(lamp.color)
                     new += by_lamp[:, k, None] * color
+            new = np.maximum(new, 0.0)
             old, values = unknowns.mean(direct[group])[rows], direct[group][own]
             told = old > LEAST * new
             factor = new / np.where(told, old, 1.0)
             direct[group][own] = np.where(told[:, None], values * factor[:, None], new[:, None])
 
     def on(self, elements: Elements, rows: IntArray, look: int = LOOK) -> FloatArray:
-        """Mean illuminance (k, lamps) of some elements by each luminaire. [lx]"""
+        """Mean illuminance (k, lamps) of some elements by each luminaire. [lx]
+
+        That of a faint one may be less than 0; all of them together are as much as arrives.
+        """
         count, points_each = len(self.scene.luminaires), look**2
         out = np.zeros((len(rows), count))
         chunk = max(1, PAIRS // (len(self.lamp) * points_each))
@@ -137,7 +145,7 @@ class MeanLight:
             light = self._at(*flat, patches, some).reshape(len(some), points_each, -1)
             mean = np.einsum("kp,kpl->lk", size / size.sum(axis=1)[:, None], light)
             np.add.at(out[start : start + chunk].T, self.lamp, mean)
-        return np.maximum(out, 0.0)
+        return out
 
     def _at(
         self, points: FloatArray, normals: FloatArray, patches: IntArray, elements: IntArray
@@ -154,9 +162,10 @@ class MeanLight:
             trace=False,
         ).factors
         light = factors * self._exitance
-        row, lamp = np.nonzero(light > FAINT * light.sum(axis=1, keepdims=True))
         spread = _spread(len(points) // len(elements), elements)
-        u, v = (np.floor(PLACES * t).ravel() for t in spread[2:])
+        chance = light / np.maximum(FAINT * light.sum(axis=1, keepdims=True), 1e-300)
+        row, lamp = np.nonzero(_chosen(np.minimum(chance, 1.0, out=chance), spread[4].ravel()))
+        u, v = (np.floor(PLACES * t).ravel() for t in spread[2:4])
         place = (u * PLACES + v).astype(np.int64)
         place, facing = place[row], normals[row]
         start = points[row] + self._lift * facing
@@ -166,12 +175,9 @@ class MeanLight:
         cosines = np.einsum("kx,kx->k", facing, way)
         cosines *= np.einsum("kx,kx->k", self._vectors[lamp, place], -way)
         share = np.maximum(cosines, 0.0) / (np.pi * np.einsum("kx,kx->k", way, way) ** 2)
-        asked = light[row, lamp]
-        seen = asked - np.where(hidden, share * self._exitance[lamp], 0.0)
-        asked, found = (np.bincount(row, w, minlength=len(points)) for w in (asked, seen))
-        # What was not asked is hidden as much as what was.
-        light *= np.maximum(found / np.where(asked > 0.0, asked, 1.0), 0.0)[:, None]
-        light[row, lamp] = seen
+        # Where it is asked about one lamp in ten, one that is hidden tells of ten.
+        share /= chance[row, lamp]
+        light[row, lamp] -= np.where(hidden, share * self._exitance[lamp], 0.0)
         return light
 
 
@@ -182,7 +188,13 @@ def _middles(k: int) -> tuple[FloatArray, FloatArray]:
     return u, v
 
 
+def _chosen(chance: FloatArray, start: FloatArray) -> NDArray[np.bool_]:
+    """Which of (m, l) to take, each with its ``chance``: evenly along rows, from ``start`` (m,)."""
+    ends = np.cumsum(chance, axis=1) + start[:, None]
+    return np.asarray((chance >= 1.0) | (np.floor(ends) > np.floor(ends - chance)))
+
+
 def _spread(count: int, elements: IntArray) -> list[FloatArray]:
-    """Four numbers (k, count) in 0 … 1 for the points of elements, evenly spread over all."""
+    """Five numbers (k, count) in 0 … 1 for the points of elements, evenly spread over all."""
     turn = np.arange(count) + np.sqrt(2.0) * elements[:, None]
     return [np.mod(turn * step, 1.0) for step in STEPS]

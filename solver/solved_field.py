@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .exchange import Rows
 from .fineness import Fineness
@@ -52,6 +53,9 @@ class Field:
         Reflected exitance of the unknowns by light group. [lm/m²]
     fineness : Fineness
         Of the sources.
+    averaged : dict of (n,) bool arrays
+        By group of lamps, elements whose direct light is as much as falls on all of each; of others
+        it is what the nodes tell.
     """
 
     surfaces: Surfaces
@@ -68,6 +72,7 @@ class Field:
     arriving: Gathered
     sent: dict[str, FloatArray]
     fineness: Fineness
+    averaged: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     @property
     def all_sent(self) -> FloatArray:

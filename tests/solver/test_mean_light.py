@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from patchlight.solver.lamp_flux import as_much
 from patchlight.solver.mean_light import MeanLight, by_rays
 from patchlight.solver.mesh import make_elements
 from patchlight.solver.model import PatchSet, Photometry, Web
@@ -67,3 +68,40 @@ def test_lamps_that_shine_unevenly_are_not_told_by_rays():
     web = Web.aimed(photometry, (0, 0, -1), (1, 0, 0))
     shaped = dataclasses.replace(data.luminaires[0], web=web)
     assert not by_rays(dataclasses.replace(data, luminaires=(shaped,)))
+
+
+def test_all_light_of_lamps_that_are_faint_arrives():
+    """Most of 256 lamps make up less than `FAINT` of what arrives, and are hidden more than near
+    ones: without asking about some of them 2 % too much would arrive."""
+    walls = Body(PatchSet.box((48, 48, 2.6), inward=True))
+    at = np.arange(-22.5, 23.0, 3.0)
+    lamps = [ceiling(x - 0.3, x + 0.3, y - 0.3, y + 0.3, 1.2) for x in at for y in at]
+    screens = [
+        Body(PatchSet.box(size, center=(x, y, -0.3)))
+        for x in at[::2] + 1.5
+        for y in at[::2] + 1.5
+        for size in ((2.4, 0.05, 1.8),)
+    ]
+    every = range(len(screens) + 1, len(screens) + 1 + len(lamps))
+    data = scene(setup(walls, *screens, *lamps), lamps=[(k, f"lamp {k}", 100.0) for k in every])
+    elements, found = mean_light(data, 2)
+    flux = found.sum(axis=1) * elements.areas / (100.0 * 0.36 * len(lamps))
+    # Parts of 4 m: with four times as many elements 1e-4 is left.
+    assert flux.sum() == pytest.approx(1.0, abs=0.005)
+
+
+@pytest.mark.parametrize("bands", [1, 3])
+def test_pieces_get_as_much_light_as_is_told(bands):
+    """And vary as they were found to; where next to nothing was found, it is as told."""
+    rng = np.random.default_rng(3)
+    pieces = np.arange(2, 18).reshape(2, 8)
+    areas, found, told = (rng.random(s) + 0.1 for s in (20, (20, bands), (20, bands)))
+    found[pieces[1]] *= 1e-3
+    light = as_much(found, told, areas, pieces)
+    untouched = np.setdiff1d(np.arange(20), pieces)
+    assert np.array_equal(light[untouched], found[untouched])
+    flux = [(v[pieces] * areas[pieces][..., None]).sum(axis=1) for v in (light, told)]
+    assert flux[0] == pytest.approx(flux[1], rel=1e-12)
+    ratio = light[pieces[0]] / found[pieces[0]]
+    assert ratio == pytest.approx(np.broadcast_to(ratio[0], ratio.shape), rel=1e-12)
+    assert np.array_equal(light[pieces[1]], told[pieces[1]])
