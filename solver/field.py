@@ -38,7 +38,7 @@ from .moved_elements import kept_elements
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
 from .reuse import Kept
-from .row_finder import FINE_SHARE, Ask, RowFinder
+from .row_finder import Ask, RowFinder
 from .rule_error import OF_RULES, rule_error
 from .shut_in import Hidden, hide, same_hidden
 from .sights import unsighted
@@ -320,7 +320,7 @@ class FieldSolver:
         light = self._incidence.from_outside(receivers, budget, field.sees_out)
         closed = not field.sees_out or {"sky", "ground"} <= set(light.direct)
         with self.stages.run("sensors") as tell:
-            asked = Ask(budget, receivers, fine, share=FINE_SHARE, hidden=field.hidden)
+            asked = Ask(budget, receivers, fine, fine=True, hidden=field.hidden)
 
             def find() -> tuple[Rows]:
                 rows = self._factors.rows(asked, tell)
@@ -401,7 +401,7 @@ class FieldSolver:
                 rest -= luminous(light.components.get(name, np.zeros((len(told), self.bands))))
         elif self.scene.sky is not None and self.scene.sky.needs_sun:
             error = error + PEAKED * luminous(light.components["sky.direct"])
-        rules = OF_RULES * FINE_SHARE * asked.budget.eps + ROUNDING
+        rules = OF_RULES * asked.budget.fine_eps + ROUNDING
         return np.asarray(error + rules * np.maximum(rest, 0.0))
 
     def outside(self, receivers: Receivers, budget: Budget) -> Light:

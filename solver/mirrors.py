@@ -28,7 +28,7 @@ from .model.sky import Sky, Sun, direction
 from .outside_light import Horizon
 from .panes import make_panes
 from .raycast import RayCaster
-from .row_finder import FINE_SHARE, Ask
+from .row_finder import Ask
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 
@@ -317,7 +317,7 @@ class Mirrors:
         hiding: bool,
     ) -> tuple[FloatArray, FloatArray]:
         """The same without panes."""
-        eps, blockers = asked.budget.eps * FINE_SHARE, window.near
+        eps, blockers = asked.budget.fine_eps, window.near
         if fine and self.trace:
             # Sensors before the plane have one node: the contour of what is seen is exact.
             from .factors import point_form_factors

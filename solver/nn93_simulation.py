@@ -23,7 +23,6 @@ from .model.arrays import FloatArray
 from .model.scene import SceneData
 from .nn93_field import CornerField, CornerSolver, Eyes
 from .reuse import Kept
-from .row_finder import FINE_SHARE
 from .rule_error import OF_RULES
 from .sensor_results import sensor_result
 from .simulation import Options, Simulation, Solved
@@ -92,7 +91,7 @@ class Nn93Simulation(Simulation):
             light = solver.highlights.added(
                 light, grid, corners.rows(seen), field, finer, self.budget
             )
-            rules = (OF_RULES * FINE_SHARE * self.budget.eps + ROUNDING) * light.luminous()
+            rules = (OF_RULES * self.budget.fine_eps + ROUNDING) * light.luminous()
             sensors[grid.name] = sensor_result(self.scene, k, light, shift + rules)
             without_mesh[grid.name] = sensor_result(self.scene, k, light, rules)
         nothing = KeptError.none(np.zeros(len(field.surfaces.areas)))

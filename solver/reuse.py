@@ -388,4 +388,4 @@ def tolerances(budget: Budget) -> Budget:
 
 
 def _of_rows(asked: Ask) -> tuple[Any, ...]:
-    return asked.receivers, asked.sources, asked.lifts, asked.share, asked.first, asked.hidden
+    return asked.receivers, asked.sources, asked.lifts, asked.fine, asked.first, asked.hidden

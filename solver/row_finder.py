@@ -21,9 +21,6 @@ from .stages import Stages
 from .surfaces import Receivers
 from .tables import meridians
 
-#: Accuracy of unoccluded factors at sensors, and where nothing hides anything, against that of
-#: other pairs: no average over nodes and meridians hides it there.
-FINE_SHARE = 0.05
 #: How often wrong rows are found anew, how much finer each time, and the inverse of the share of
 #: the rows that this is done for at most: all together cost no more than twice the first pass.
 LEVELS, FINER = 2, 4
@@ -45,8 +42,8 @@ class Ask:
         Of the columns.
     lifts : (m,) array or None
         How far facets may lie before the surface a receiver is on. [m]
-    share : float
-        Share of the relative error that the budget allows unoccluded factors.
+    fine : bool
+        Whether unoccluded factors are found as at sensors; see `Budget.fine_eps`.
     first : int
         Number of the first receiver among all there are.
     hidden : (n,) bool array or None
@@ -57,7 +54,7 @@ class Ask:
     receivers: Receivers
     sources: Sources
     lifts: FloatArray | None = None
-    share: float = 1.0
+    fine: bool = False
     first: int = 0
     hidden: NDArray[np.bool_] | None = None
 
@@ -127,7 +124,7 @@ class RowFinder:
 
     def eps(self, ask: Ask) -> float:
         """Relative accuracy of unoccluded factors."""
-        return ask.budget.eps * (ask.share if self.trace else FINE_SHARE)
+        return ask.budget.fine_eps if ask.fine or not self.trace else ask.budget.eps
 
     def close(
         self,

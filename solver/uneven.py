@@ -11,7 +11,7 @@ from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.scene import SceneData
 from .pane_field import PaneField
-from .row_finder import FINE_SHARE, Ask
+from .row_finder import Ask
 from .stages import Stages
 from .surfaces import Surfaces
 
@@ -112,7 +112,7 @@ class UnevenField:
         """
         receivers, scene = asked.receivers, self.scene
         elements = surfaces.elements.take(emission.element)
-        eps = asked.budget.eps * FINE_SHARE
+        eps = asked.budget.fine_eps
         plain = form_factor_matrix(
             receivers.nodes,
             receivers.normals,

@@ -17,7 +17,7 @@ from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
 from .pane_field import PaneField
-from .row_finder import FINE_SHARE, Ask
+from .row_finder import Ask
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .topology import bounding_spheres
@@ -140,7 +140,7 @@ class WebField:
         """Direct light of one lamp: traced anew at sensors, elsewhere by the rows there are."""
         budget, receivers, fine = asked.budget, asked.receivers, areas is None
         how: dict[str, Any] = {
-            "eps": budget.eps * (asked.share if self.trace else FINE_SHARE),
+            "eps": budget.fine_eps if asked.fine or not self.trace else budget.eps,
             "cell_eps": budget.lamp_cell_eps * self._coarser(lamp),
             "count": self.stages.count,
         }

@@ -28,8 +28,11 @@ def threads_for(pairs: int):
     """
     previous = count_threads()
     count = min(previous, 1 + pairs // PAIRS_OF_THREAD)
-    set_threads(count)
+    if count == previous:
+        yield count
+        return
+    nb.set_num_threads(count)
     try:
         yield count
     finally:
-        set_threads(previous)
+        nb.set_num_threads(previous)
