@@ -98,8 +98,9 @@ class Beams:
         used = used[worth[used] > 0.0]
         low = np.stack([node[used] // side, node[used] % side]) / side
         # Points in line with the sides of elements would meet the edges of sun patches all at once:
-        # they are spread as evenly at places that differ from each unknown to the next.
-        turn = np.arange(len(used) * points).reshape(len(used), points)
+        # they are spread as evenly at places that differ from each unknown to the next. They are
+        # the same for all values, whichever are found together.
+        turn = used[:, None] * points + np.arange(points)
         u, v = (
             (first[:, None] + np.mod(0.5 + turn * step, 1.0) / side)
             for first, step in zip(low, STEPS, strict=True)
