@@ -159,9 +159,9 @@ def simulate_year(
         memory = YearMemory.of(
             first, accuracy=accuracy, steps=len(skies), states=len(scenes), in_memory=path is None
         )
+        memory.check()
         if progress is not None:
             progress(memory.text, 0, 1)
-        memory.check()
         store = YearStore(path, key)
         filled = Filler(store, skies, day, tuple(burns), accuracy, progress).fill(scenes)
     parts = YearParts(first, weather, skies, clock, occupied, burns, settings)

@@ -21,7 +21,9 @@ class YearMemory:
     Attributes
     ----------
     mesh : int
-        Form factors, the sensors' among them, and solving.
+        Form factors, the sensors' among them, and solving, where there is room for all of it.
+    least_mesh : int
+        The same with form factors packed, where they can be.
     block : int
         Sensors that are done at a time.
     result : int
@@ -31,6 +33,7 @@ class YearMemory:
     """
 
     mesh: int
+    least_mesh: int
     block: int
     result: int
     elements: int
@@ -58,10 +61,15 @@ class YearMemory:
         unknowns, elements = budget.unknowns, budget.elements
         sensors = sum(len(grid) for grid in even.sensors)
         bands = 1 if even.is_grey else 3
+        rest = (memory.ROW_BYTES + more) * elements * sensors + memory.UNKNOWN_BYTES * unknowns
+        whole, packed = _whole_bytes(unknowns, elements, more), _packed_bytes(unknowns)
+        if more:  # nothing is packed
+            packed = whole
+        elif _is_always_packed(unknowns, elements):
+            whole = packed
         return cls(
-            mesh=_mesh_bytes(unknowns, elements, more)
-            + (memory.ROW_BYTES + more) * elements * sensors
-            + memory.UNKNOWN_BYTES * unknowns,
+            mesh=whole + rest,
+            least_mesh=min(whole, packed) + rest,
             block=min(sensors, block_of(unknowns, bands)) * bytes_of_sensor(unknowns, bands),
             result=VALUES * VALUE_BYTES * states * sensors * steps if in_memory else 0,
             elements=elements,
@@ -74,34 +82,50 @@ class YearMemory:
         return self.mesh + self.block + self.result
 
     @property
+    def least(self) -> int:
+        """What it cannot do with less than."""
+        return self.least_mesh + self.block + self.result
+
+    @property
     def text(self) -> str:
-        """How much it is, in words."""
-        return f"up to {self.total / memory.GB:.1f} GB of memory besides the program"
+        """How much it takes, in words."""
+        free = memory.available_bytes()
+        most = self.total if free is None else max(self.least, min(self.total, free))
+        return f"up to {most / memory.GB:.1f} GB of memory besides the program"
 
     def check(self) -> None:
         """Raise `OutOfMemoryError` where that is more than there is."""
         free = memory.available_bytes()
-        if free is None or self.total <= free:
+        if free is None or self.least <= free:
             return
         advice = []
-        if self.result and self.mesh + self.block <= free:
+        if self.result and self.least - self.result <= free:
             advice.append("write the year to a file (out = …)")
         else:
             advice += ["ask for less accuracy", "use fewer sensors"]
         raise OutOfMemoryError(
             f"a year of {self.sensors} sensors on {self.elements} elements needs "
-            f"{self.total / memory.GB:.1f} GB of memory: {self.mesh / memory.GB:.1f} GB for form "
-            f"factors, {self.block / memory.GB:.1f} GB for sensors that are done at a time, "
+            f"{self.least / memory.GB:.1f} GB of memory: {self.least_mesh / memory.GB:.1f} GB for "
+            f"form factors, {self.block / memory.GB:.1f} GB for sensors that are done at a time, "
             f"{self.result / memory.GB:.1f} GB for the values of all steps; but only "
             f"{free / memory.GB:.1f} GB are free; {', or '.join(advice)}"
         )
 
 
-def _mesh_bytes(unknowns: int, elements: int, more: int) -> int:
-    """What form factors take at the worst moment. [B]"""
-    if not more and memory.is_packed(unknowns, elements):
-        return memory.BLOCK_BYTES + memory.PACKED_BYTES * unknowns**2
+def _whole_bytes(unknowns: int, elements: int, more: int) -> int:
+    """What form factors take at the worst moment, where none are packed. [B]"""
     if unknowns > elements:
         pairs = (memory.PAIR_BYTES + more) * unknowns * elements
         return pairs + memory.KEPT_BYTES * unknowns**2
-    return memory.needed_bytes(elements, 0, more)
+    return (memory.PAIR_BYTES + more) * elements**2
+
+
+def _packed_bytes(unknowns: int) -> int:
+    """What they take packed. [B]"""
+    return memory.BLOCK_BYTES + memory.PACKED_BYTES * unknowns**2
+
+
+def _is_always_packed(unknowns: int, elements: int) -> bool:
+    """Whether they are packed however much memory there is."""
+    most = memory.VARYING_UNKNOWNS if unknowns > elements else memory.DENSE_UNKNOWNS
+    return unknowns > most
