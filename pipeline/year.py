@@ -202,8 +202,8 @@ def _settings(
     All have the sensors of the whole scene.
     """
     if isinstance(scene, SceneData):
-        return [], {"": _with_grids(scene, sensors)}
-    whole = _with_grids(scene.freeze(), sensors)
+        return [], {"": with_grids(scene, sensors)}
+    whole = with_grids(scene.freeze(), sensors)
     if not scene.states:
         return [], {"": whole}
     settings = settings_of(scene.states.values())
@@ -217,7 +217,8 @@ def _settings(
     return settings, found
 
 
-def _with_grids(data: SceneData, sensors: str | Iterable[str] | None) -> SceneData:
+def with_grids(data: SceneData, sensors: str | Iterable[str] | None) -> SceneData:
+    """The scene with some of its grids alone; with all where none is named."""
     if sensors is None:
         return data
     wanted = [sensors] if isinstance(sensors, str) else list(sensors)
