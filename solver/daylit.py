@@ -42,8 +42,9 @@ SKY_CCT_K, SUN_CCT_K = 6500.0, 5500.0
 SKY_PARTS, BEAM_PARTS, SUN_PARTS, POINTS = (4, 8), (3, 4), (6, 8), (16, 36)
 FINE = 0.01
 #: Memory that the sensors done at a time may take. With less the rays of beams are cast more often:
-#: they do not know of sensors. [B]
-BLOCK_BYTES = 400_000_000
+#: they do not know of sensors. Form factors of a mesh for which that matters took more while they
+#: were found. [B]
+BLOCK_BYTES = 1_000_000_000
 #: What a sensor takes for its cells, the finer ones, and for a block of steps. [B]
 OF_CELLS = 500_000
 #: Sensors done at a time, at least and a multiple of it: those of a chunk of a year's file.
