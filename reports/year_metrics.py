@@ -19,7 +19,7 @@ from .green_credits import (
 )
 from .lm83 import spatial_autonomy, sunlight_exposure
 from .sunlight import is_in_season, sunlight_level
-from .year_tables import GridTable, grid_tables, is_whole_year
+from .year_tables import GridTable, grid_tables, is_whole_year, window_groups
 
 if TYPE_CHECKING:
     import xarray
@@ -79,6 +79,11 @@ def _by_schedule(table: GridTable, dataset: xarray.Dataset) -> _Found:
     if table.states is not None:
         changed = 100.0 * float((table.states[:, occupied] > 0).any(axis=0).mean())
         found.append(("blinds_not_in_first_state_pct", changed, "% of hours"))
+        if len(table.states) > 1:
+            groups = dict.fromkeys(name for name in window_groups(dataset) if name)
+            for name, states in zip(groups, table.states, strict=True):
+                own = 100.0 * float((states[occupied] > 0).mean())
+                found.append((f"blinds_{name}_not_in_first_state_pct", own, "% of hours"))
     if table.with_lamps_lx is not None:
         found.append(("E_mean_with_electric_lx", float(share @ table.with_lamps_lx), "lx"))
         step_h = float(dataset.attrs["step_minutes"]) / 60.0

@@ -97,6 +97,13 @@ def grid_tables(dataset: xarray.Dataset) -> list[GridTable]:
     ]
 
 
+def window_groups(dataset: xarray.Dataset) -> list[str]:
+    """Window group that is not in its first state, of each state of the dataset."""
+    if "window_group" not in dataset.coords:
+        return [""] * dataset.sizes["state"]
+    return [str(name) for name in dataset["window_group"].values]
+
+
 def is_whole_year(dataset: xarray.Dataset) -> bool:
     """Whether the steps make 365 or 366 days."""
     minutes = dataset.sizes["time"] * int(dataset.attrs["step_minutes"])
@@ -160,7 +167,9 @@ def _blocks(rows: IntArray) -> Iterator[IntArray]:
 
 def _light(dataset: xarray.Dataset, some: IntArray) -> tuple[FloatArray, FloatArray]:
     """Light, and that straight from the sun, (k, m, n) of some sensors in k states. [lx]"""
-    block = dataset.isel(sensor=some)
+    # As a slice, which files are read by much faster; grids lie one after the other.
+    whole = len(some) == some[-1] - some[0] + 1
+    block = dataset.isel(sensor=slice(some[0], some[-1] + 1) if whole else some)
     found = [np.asarray(block[key].values) for key in ("illuminance", "sun_illuminance")]
     light, sun = (values if values.ndim == 3 else values[None] for values in found)
     return light, sun
@@ -170,11 +179,7 @@ def _states(dataset: xarray.Dataset, rows: IntArray) -> IntArray | None:
     """State of each window group in each step, by the sun at the points ``rows``; None of one."""
     if "state" not in dataset["illuminance"].dims:
         return None
-    count = dataset.sizes["state"]
-    names = [""] * count
-    if "window_group" in dataset.coords:
-        names = [str(name) for name in dataset["window_group"].values]
-    groups = group_rows(names)
+    groups = group_rows(window_groups(dataset))
     exposed = [np.zeros((len(own), dataset.sizes["time"]), dtype=np.int64) for own in groups]
     for some in _blocks(rows):
         for total, found in zip(

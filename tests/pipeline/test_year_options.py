@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from patchlight.pipeline import Emitter, Ground, Material, SensorGrid, simulate, simulate_year
 from patchlight.pipeline.states import make_state, settings_of
+from patchlight.pipeline.year_parts import electric_schedules
 from patchlight.reports.lm83 import in_states
 from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutOfMemoryError
@@ -142,6 +143,16 @@ def test_electric_light_beside_daylight(weather_file, whole):
     light, plain = (year["illuminance"].values.sum() for year in (found, whole))
     assert light == pytest.approx(plain, rel=0.03)
     assert "electric_on" not in simulate_year(lamp_room(), weather_file, accuracy=0.3)
+
+
+def test_schedules_of_lamps():
+    data = lamp_room().freeze()
+    clock = np.datetime64("2001-01-01T00:00", "m") + 60 * np.arange(24)
+    found = electric_schedules({"ceiling": "always"}, [data], clock, 60)
+    assert found["ceiling"].all()
+    found = electric_schedules({"ceiling": "20:00-22:00"}, [data], clock, 60)
+    assert np.flatnonzero(found["ceiling"]).tolist() == [20, 21]
+    assert electric_schedules(None, [data], clock, 60) == {}
 
 
 @pytest.mark.parametrize(

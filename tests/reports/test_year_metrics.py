@@ -278,7 +278,7 @@ def test_breeam():
 
 
 def dataset(states=()):
-    """A year in which two grids get the same light at all times by day."""
+    """A year in which two grids get the same light at all times by day; of states half as much."""
     import xarray as xr
 
     times = np.datetime64("2001-01-01T00", "h") + np.arange(8760)
@@ -289,7 +289,9 @@ def dataset(states=()):
     dims = ("sensor", "time")
     if states:
         dims = ("state", *dims)
-        light, sun = np.stack([light, 0.5 * light]), np.stack([sun, 0.0 * sun])
+        dimmed = len(states) - 1
+        light = np.stack([light, *dimmed * [0.5 * light]])
+        sun = np.stack([sun, *dimmed * [0.0 * sun]])
     sky = np.where(day, 10_000.0, 0.0)
     return xr.Dataset(
         {
@@ -347,6 +349,23 @@ def test_second_option_of_leed_is_without_blinds():
     assert found["near.blinds_not_in_first_state_pct"] == 100.0
     assert found["near.DA300_mean_pct"] == 0.0
     assert found["near.LEED_option_2_pct"] == 100.0
+
+
+def test_rows_of_window_groups():
+    """Sun at noon through one window, in the first hour of use through the other."""
+    year = dataset(("all up", "south down", "east down"))
+    year = year.assign_coords(window_group=("state", ["", "south", "east"]))
+    hour = np.arange(8760) % 24
+    south, east = (np.where(hour == at, 2000.0, 0.0) for at in (12, 8))
+    for row, sun in enumerate((south + east, east, south)):
+        year["sun_illuminance"][row] = sun
+        year["illuminance"][row] = 100.0 + sun
+    found = {row["id"]: row["value"] for row in year_rows(year)}
+    for name in ("blinds_south", "blinds_east"):
+        assert found[f"near.{name}_not_in_first_state_pct"] == pytest.approx(10.0)
+    assert found["near.blinds_not_in_first_state_pct"] == pytest.approx(20.0)
+    assert found["near.E_mean_lx"] == pytest.approx(100.0)  # no sun ever gets in
+    assert found["near.ASE1000_250h_pct"] == 100.0  # but with blinds open
 
 
 def test_rows_do_not_depend_on_how_many_sensors_are_read_at_a_time(monkeypatch):
