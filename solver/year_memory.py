@@ -9,6 +9,7 @@ from .budget import Budget, scene_bytes
 from .daylit import block_of, bytes_of_sensor, even_scene
 from .errors import OutOfMemoryError
 from .model.scene import SceneData
+from .store import STORE
 
 #: Bytes of a value of the result, and values of a sensor in a step: light, and that of the sun.
 VALUE_BYTES, VALUES = 4, 2
@@ -94,8 +95,14 @@ class YearMemory:
         return f"up to {most / memory.GB:.1f} GB of memory besides the program"
 
     def check(self) -> None:
-        """Raise `OutOfMemoryError` where that is more than there is."""
+        """Raise `OutOfMemoryError` where that is more than there is.
+
+        What is kept for later runs gives way.
+        """
         free = memory.available_bytes()
+        if free is not None and self.least > free and len(STORE):
+            STORE.clear()
+            free = memory.available_bytes()
         if free is None or self.least <= free:
             return
         advice = []

@@ -13,6 +13,7 @@ from patchlight.reports.lm83 import in_states
 from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutOfMemoryError
 from patchlight.solver.memory import available_bytes, limited, used_bytes
+from patchlight.solver.store import STORE
 from patchlight.solver.year_memory import YearMemory
 
 from ..importers.weather_files import epw_text
@@ -89,6 +90,23 @@ def test_memory_is_told_and_refused(weather_file):
     for bad in (0.0, -1.0, float("nan"), "4", True):
         with pytest.raises(InputError, match="memory_gb = "):
             simulate_year(room(), weather_file, accuracy=0.2, memory_gb=bad)
+
+
+def test_what_is_kept_for_later_runs_gives_way(monkeypatch):
+    """It is cleared before a year is refused; here that gives a byte, the last that was missing."""
+    year = YearMemory.of(room().freeze(), accuracy=0.2, steps=48, states=1, in_memory=True)
+    STORE.put(b"of an earlier run", np.zeros(10))
+    free = [year.least - 1]
+
+    def clear():
+        free[0] = year.least
+
+    monkeypatch.setattr(STORE, "clear", clear)
+    monkeypatch.setattr("patchlight.solver.memory.available_bytes", lambda: free[0])
+    year.check()
+    assert free[0] == year.least
+    monkeypatch.undo()
+    STORE.clear()
 
 
 def test_memory_grows_with_what_is_kept():
