@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from patchlight.solver.effort import check_effort
 from patchlight.solver.errors import GeometryError, InputError
-from patchlight.solver.memory import limited
+from patchlight.solver.memory import GB, limited
 from patchlight.solver.model import SceneData, Weather
 
 from .doctoring import version
@@ -160,8 +160,9 @@ def simulate_year(
             first, accuracy=accuracy, steps=len(skies), states=len(scenes), in_memory=path is None
         )
         memory.check()
+        told = memory.most
         if progress is not None:
-            progress(memory.text, 0, 1)
+            progress(f"up to {told / GB:.1f} GB of memory besides the program", 0, 1)
         store = YearStore(path, key)
         filled = Filler(store, skies, day, tuple(burns), accuracy, progress).fill(scenes)
     parts = YearParts(first, weather, skies, clock, occupied, burns, settings)
@@ -186,7 +187,7 @@ def simulate_year(
         "accuracy": accuracy,
         "sky_model": "Perez 1993, luminous efficacies of Perez 1990",
         "patchlight": program,
-        "memory_bytes": memory.total,
+        "memory_bytes": told,
         "remarks": "\n".join(dict.fromkeys(remarks)),
         "sun_indirect_error": filled.sun_indirect_error,
         "converged": int(filled.converged),

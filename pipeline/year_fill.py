@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from patchlight.solver.model import SceneData
+from patchlight.solver.model import SceneData, SensorResult
 from patchlight.solver.model.arrays import FloatArray
 
 from .year_store import CHUNK, Block, Piece, YearStore
@@ -195,15 +195,16 @@ class Filler:
         )  # fmt: skip
         result = solve(scene, accuracy=self.accuracy, progress=self.progress, cache=True)
         for g, group in enumerate(self.lamps):
-            names = (f"{group}.direct", f"{group}.indirect")
-            lit = [
-                sum((grid.components[name] for name in names if name in grid.components), zero)
-                for grid in result.sensors.values()
-                for zero in (np.zeros(len(grid.points)),)
-            ]
-            out[g] = np.concatenate(lit)
+            out[g] = np.concatenate([_light_of(grid, group) for grid in result.sensors.values()])
         warnings = [f"electric light: {text}" for text in result.warnings]
         return out, warnings, result.converged
+
+
+def _light_of(grid: SensorResult, group: str) -> FloatArray:
+    """Light (m,) of one group at the sensors of a grid. [lx]"""
+    names = (f"{group}.direct", f"{group}.indirect")
+    parts = [grid.components[name] for name in names if name in grid.components]
+    return np.asarray(sum(parts, np.zeros(len(grid.points))))
 
 
 def _first_of(pieces: list[Piece]) -> list[Piece]:

@@ -18,6 +18,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -128,14 +129,21 @@ class Beams:
         """Those of the last columns, one a sensor: in the colour of the sun."""
         return replace(self, weights=self.weights[-sensors:])
 
-    def coefficients(self, directions: FloatArray) -> FloatArray:
-        """Values (c, B) by beams of 1 lx from ``directions`` (B, 3), on planes facing them."""
+    def coefficients(
+        self, directions: FloatArray, tell: Callable[[int, int], None] | None = None
+    ) -> FloatArray:
+        """Values (c, B) by beams of 1 lx from ``directions`` (B, 3), on planes facing them.
+
+        ``tell`` is told how many of them are done.
+        """
         out = np.zeros((len(self.weights), len(directions)))
         if not len(self.points):
             return out
         step = max(1, RAYS // len(self.points))
         for start in range(0, len(directions), step):
             some = slice(start, min(start + step, len(directions)))
+            if tell is not None:
+                tell(start, len(directions))
             cosine = self.normals @ directions[some].T
             point, d = np.nonzero(cosine > 0.0)
             at, to = self.points[point], directions[some][d]

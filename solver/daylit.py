@@ -156,15 +156,17 @@ class DaylitScene:
         with self.stages.run("open sky"):
             exact = self._at("sky.direct")[some]
             direct = self.sky.seen(points, normals, sky_grid, exact).weights
-        with self.stages.run("beams"):
+        with self.stages.run("weights of surfaces"):
             beams = self._beams(some, POINTS[fine])
-            by_sky = beams.of_sky(m).coefficients(beam_grid.directions)
+        with self.stages.run("beams of the sky") as tell:
+            by_sky = beams.of_sky(m).coefficients(beam_grid.directions, tell)
+        with self.stages.run("beams of the sun") as tell:
             by_sun = np.full((m, len(sun_grid)), np.nan)
             cells = np.arange(len(sun_grid))
             if suns is not None:
                 cells = np.unique(sun_grid.between(suns)[0])
             of_sun = beams.of_sun(m)
-            by_sun[:, cells] = of_sun.coefficients(sun_grid.directions[cells])
+            by_sun[:, cells] = of_sun.coefficients(sun_grid.directions[cells], tell)
         # Of each cell of the sky, beams from its middle: linear between those that were looked at.
         found = beam_grid.interpolated(by_sky, sky_grid.directions) * sky_grid.solid_angle
         told, indirect = found.sum(axis=1), self._at("sky.indirect")[some]

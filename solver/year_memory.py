@@ -88,11 +88,10 @@ class YearMemory:
         return self.least_mesh + self.block + self.result
 
     @property
-    def text(self) -> str:
-        """How much it takes, in words."""
+    def most(self) -> int:
+        """What it takes of the memory that is free now."""
         free = memory.available_bytes()
-        most = self.total if free is None else max(self.least, min(self.total, free))
-        return f"up to {most / memory.GB:.1f} GB of memory besides the program"
+        return self.total if free is None else max(self.least, min(self.total, free))
 
     def check(self) -> None:
         """Raise `OutOfMemoryError` where that is more than there is.

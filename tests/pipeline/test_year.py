@@ -349,6 +349,39 @@ def test_bad_command(tmp_path, monkeypatch, capsys, words, message):
     assert "\n" not in told
 
 
+def test_options_of_the_command_arrive(tmp_path, monkeypatch):
+    asked = {}
+
+    def simulated(scene, weather, **options):
+        asked.update(options)
+        raise InputError("enough")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("patchlight.pipeline.year_runs.simulate_year", simulated)
+    monkeypatch.setattr("patchlight.pipeline.scene_file.build_scene", lambda *a, **b: room())
+    (tmp_path / "room.step").write_text("")
+    scene = write(tmp_path, ROOM.format(more=""))
+    words = [
+        "year",
+        str(scene),
+        "--weather",
+        str(epw(tmp_path)),
+        "--memory",
+        "3",
+        "--sensors",
+        "desk",
+    ]
+    words += ["--electric", "ceiling=07:00-19:00", "--electric", "desk=lamps=always"]
+    words += ["--sun-day", "02-01", "--sun-above", "8", "--step-minutes", "30", "--threads", "1"]
+    assert main(words) == 2
+    assert asked.pop("progress") is not None and asked.pop("out").name == "annual.nc"
+    assert asked == {
+        "sensors": ("desk",), "accuracy": 0.01, "schedule": "08:00-18:00", "step_minutes": 30,
+        "electric": {"ceiling": "07:00-19:00", "desk=lamps": "always"}, "sun_day": "02-01",
+        "sun_above_deg": 8.0, "threads": 1, "memory_gb": 3.0,
+    }  # fmt: skip
+
+
 def test_no_light_comes_into_a_closed_room(weather_file):
     """Also where it is one cavity of air, in which nothing hides anything."""
     import cadquery as cq
