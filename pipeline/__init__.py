@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .scene_file import load_scene
     from .simulation import forget, simulate
+    from .viewing import view_out
     from .year import simulate_year
 
 #: Module of every public name.
@@ -54,6 +55,7 @@ _HOME = {
     "SensorGrid": ".grids",
     "simulate": ".simulation",
     "simulate_year": ".year",
+    "view_out": ".viewing",
     "forget": ".simulation",
     "load_scene": ".scene_file",
     "batch": ".batches",
@@ -122,6 +124,7 @@ __all__ = [
     "read_weather",
     "simulate",
     "simulate_year",
+    "view_out",
     "write_report",
 ]
 

@@ -125,6 +125,10 @@ def year(
     sensors: tuple[str, ...] = (),
     schedule: str = "08:00-18:00",
     step_minutes: int | None = None,
+    electric: tuple[str, ...] = (),
+    sun_day: str = "03-21",
+    sun_above: float = 0.0,
+    memory: float | None = None,
     force: Flag = False,
     no_cache: Flag = False,
     json_: Annotated[bool, Parameter(name="--json", negative=())] = False,
@@ -150,6 +154,14 @@ def year(
         When the building is used, by the clocks of the scene's time zone.
     step_minutes
         Shorter steps than those of the weather file, which they must part evenly.
+    electric
+        Light groups of lamps that burn, and when: ceiling=08:00-18:00, or ceiling=always.
+    sun_day
+        Month and day of which hours of sun are told, without clouds.
+    sun_above
+        Altitude from which on the sun counts on that day. [deg]
+    memory
+        Most memory that the process may take; what is free when not given. [GB]
     force
         Write into a folder that holds something else.
     no_cache
@@ -163,8 +175,8 @@ def year(
     from .year_runs import YearOptions, run_year, year_text
 
     options = YearOptions(
-        weather, output, accuracy, threads, sensors, schedule, step_minutes, force,
-        cache=not no_cache,
+        weather, output, accuracy, threads, sensors, schedule, step_minutes, electric, sun_day,
+        sun_above, memory, force, cache=not no_cache,
     )  # fmt: skip
     with Talk(verbose=verbose) as talk:
         done = run_year(file, options, talk)

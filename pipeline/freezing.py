@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 SUN_TOLERANCE_DEG = 0.5
 
 
-def frozen_scene(scene: Scene, state: str | None = None) -> SceneData:
+def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
     """World coordinates, materials, luminaires and resolved sensors of ``scene``.
 
-    Of all its parts, or of those that are there in a ``state``.
+    Of all its parts, or of those that are there in some ``states``, one a window group.
     """
     problems = Problems()
     with problems.under():
@@ -60,7 +60,7 @@ def frozen_scene(scene: Scene, state: str | None = None) -> SceneData:
     problems.add(text for text in asked if text)
     data = None
     with problems.under():
-        slots, data = _without_sensors(scene, state)
+        slots, data = _without_sensors(scene, states)
     if data is None:
         problems.raise_any()
         raise InputError("the scene cannot be used")  # there always is a problem; for type checkers
@@ -70,7 +70,7 @@ def frozen_scene(scene: Scene, state: str | None = None) -> SceneData:
     from .remarks import scene_notes
 
     # Sensors are those of the scene with all its parts, whatever its state.
-    sensors, grid_notes = ((), ()) if state else resolved_sensors(scene, data, problems)
+    sensors, grid_notes = ((), ()) if states else resolved_sensors(scene, data, problems)
     problems.raise_any()
     data = dataclasses.replace(
         data,
@@ -84,7 +84,7 @@ def frozen_scene(scene: Scene, state: str | None = None) -> SceneData:
     )
 
 
-def _without_sensors(scene: Scene, state: str | None) -> tuple[Slots, SceneData]:
+def _without_sensors(scene: Scene, states: tuple[str, ...]) -> tuple[Slots, SceneData]:
     """Geometry, materials and light from outside."""
     if not scene.entries:
         raise InputError("the scene is empty: add a model or patches")
@@ -120,8 +120,8 @@ def _without_sensors(scene: Scene, state: str | None) -> tuple[Slots, SceneData]
     )
     gone: list[int] = []
     had = np.unique(data.luminaire_index[data.luminaire_index >= 0])
-    if state is not None:
-        gone = absent_parts(scene.states.values(), state, [part.path for part in parts])
+    if states:
+        gone = absent_parts(scene.states.values(), states, [part.path for part in parts])
         data = without_parts(data, gone)
     slots, data = _without_lost_lamps(slots, with_one_of_each(data, slots.order), had, gone)
     return slots, with_glass(data, slots.glass)

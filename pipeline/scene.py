@@ -389,11 +389,13 @@ class Scene:
         *,
         present: str | Iterable[str] | None = None,
         absent: str | Iterable[str] | None = None,
+        group: str | None = None,
     ) -> None:
         """Name a set of parts that are there or not, such as blinds, for `simulate_year`.
 
         A run of the scene itself has all its parts. With states each of these is solved for the
-        year, the first one being that of nobody having closed anything.
+        year, the first one being that of nobody having closed anything. States of several window
+        groups are solved one group at a time, the others being in their first state.
 
         Parameters
         ----------
@@ -404,6 +406,8 @@ class Scene:
             them too.
         absent : str or several, optional
             Patterns of parts that are not there in this state.
+        group : str, optional
+            Window group whose blinds these are, in a scene with several that are moved apart.
 
         Raises
         ------
@@ -411,12 +415,12 @@ class Scene:
             For a name that is taken. Patterns that match nothing are errors of `freeze`: parts
             may be added later.
         """
-        _add_new(self.states, "state", name, make_state(name, present, absent))
+        _add_new(self.states, "state", name, make_state(name, present, absent, group))
 
-    def freeze(self, *, state: str | None = None) -> SceneData:
+    def freeze(self, *, state: str | Iterable[str] | None = None) -> SceneData:
         """The scene as the solver sees it: world axes, SI units, sensors resolved.
 
-        With all its parts, or with those of a ``state``.
+        With all its parts, or with those of a ``state``, or of one of each window group.
 
         Raises
         ------
@@ -425,7 +429,7 @@ class Scene:
         """
         from .freezing import frozen_scene
 
-        return frozen_scene(self, state)
+        return frozen_scene(self, (state,) if isinstance(state, str) else tuple(state or ()))
 
 
 def _checked(name: str, value: Any, *kinds: type) -> Any:

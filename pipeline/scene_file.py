@@ -311,7 +311,9 @@ def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
             scene.add(camera.build())
     for k, state in enumerate(file.state):
         with problems.under(f"state[{k}]"):
-            scene.add_state(state.name, present=state.present, absent=state.absent)
+            scene.add_state(
+                state.name, present=state.present, absent=state.absent, group=state.group
+            )
     scene.requirements = [r.build() for r in file.requirements]
     problems.raise_any()
     return scene

@@ -249,6 +249,8 @@ class StateTable(Table):
     """Part patterns: there in this state, and in others only if these name them too."""
     absent: Text | list[Text] = Field(default_factory=list)
     """Part patterns: not there in this state."""
+    group: Text | None = None
+    """Window group whose blinds these are, in a scene with several that are moved apart."""
 
 
 class CameraTable(Table):

@@ -28,6 +28,10 @@ class YearOptions:
     sensors: tuple[str, ...] = ()
     schedule: str = "08:00-18:00"
     step_minutes: int | None = None
+    electric: tuple[str, ...] = ()
+    sun_day: str = "03-21"
+    sun_above_deg: float = 0.0
+    memory_gb: float | None = None
     force: bool = False
     cache: bool = True
 
@@ -55,6 +59,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
 
     check_effort(options.accuracy, options.threads)
     schedule_minutes(options.schedule)
+    electric = _schedules(options.electric)
     if not path.exists():
         raise MissingFileError(f"{path}: no such file")
     if path.suffix.lower() != ".toml":
@@ -82,9 +87,13 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
         accuracy=scene.accuracy,
         schedule=options.schedule,
         step_minutes=options.step_minutes,
+        electric=electric,
+        sun_day=options.sun_day,
+        sun_above_deg=options.sun_above_deg,
         out=target,
         progress=talk.progress,
         threads=options.threads,
+        memory_gb=options.memory_gb,
     )
     with dataset:
         warnings = tuple(text for text in str(dataset.attrs["remarks"]).splitlines() if text)
@@ -95,6 +104,17 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     for warning in warnings:
         talk.warn(warning)
     return YearRun(folder, rows, warnings, converged)
+
+
+def _schedules(given: tuple[str, ...]) -> dict[str, str]:
+    """Schedules of light groups, of words like ceiling=08:00-18:00."""
+    out = {}
+    for word in given:
+        group, sign, when = word.rpartition("=")
+        if not (group and sign and when):
+            raise InputError(f"--electric {word!r}: must be like ceiling=08:00-18:00")
+        out[group] = when
+    return out
 
 
 def year_text(run: YearRun) -> str:

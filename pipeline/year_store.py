@@ -1,4 +1,4 @@
-"""Blocks of steps of a year on disk, so that memory stays bounded and a cut costs one block."""
+"""Parts of a year on disk, so that memory stays bounded and a cut costs one of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,43 +20,69 @@ if TYPE_CHECKING:
     import xarray
 
 Block = dict[str, FloatArray]
+#: Sensors and steps of a chunk of the file; where parts end with chunks, none is packed twice.
+CHUNK = 64, 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Some sensors in some steps in one state.
+
+    Attributes
+    ----------
+    state : int
+        Row of the state.
+    sensors, steps : slice
+        Of all sensors and steps.
+    """
+
+    state: int
+    sensors: slice
+    steps: slice
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.state:03d}-{self.sensors.start:07d}-{self.steps.start:07d}"
 
 
 class YearStore:
-    """Blocks of variables (…, sensor, step), in memory or in a folder beside the file to write.
+    """Variables (sensor, step) piece by piece, in memory or in a folder beside the file to write.
 
     Parameters
     ----------
     out : Path or None
-        NetCDF file to write; without, blocks are kept in memory.
+        NetCDF file to write; without, all is kept in memory.
     key : str
-        Hash of all that the values depend on: blocks of another key are not taken.
+        Hash of all that the values depend on: parts of another key are not taken.
     """
 
     def __init__(self, out: Path | None, key: str) -> None:
         self.out, self.key = out, key
-        self._blocks: dict[int, Block] = {}
+        self._blocks: dict[str, Block] = {}
         self._folder = None if out is None else out.with_name(f".{out.name}.blocks")
 
-    def _path(self, number: int) -> Path:
+    def _path(self, name: str, ending: str = "npz") -> Path:
         assert self._folder is not None
-        return self._folder / f"{self.key[:16]}-{number:05d}.npz"
+        return self._folder / f"{self.key[:16]}-{name}.{ending}"
 
-    def has(self, number: int) -> bool:
+    def has(self, name: str) -> bool:
         """Whether a block is there."""
-        return number in self._blocks or (self._folder is not None and self._path(number).is_file())
+        return name in self._blocks or (self._folder is not None and self._path(name).is_file())
 
-    def put(self, number: int, block: Block) -> None:
+    def put(self, name: str, block: Block) -> None:
         """Keep a block; on disk it is there as a whole or not at all."""
         if self._folder is None:
-            self._blocks[number] = block
+            self._blocks[name] = block
             return
-        path = self._path(number)
+        self._write(self._path(name), lambda stream: np.savez(stream, **block))  # type: ignore[arg-type]
+
+    def _write(self, path: Path, write: Any) -> None:
         draft = path.with_name(f".{path.name}.{os.getpid()}")
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             with open(draft, "wb") as stream:
-                np.savez(stream, **block)  # type: ignore[arg-type]
+                write(stream)
                 stream.flush()
                 os.fsync(stream.fileno())
             os.replace(draft, path)
@@ -65,32 +92,29 @@ class YearStore:
             with contextlib.suppress(OSError):
                 draft.unlink()
 
-    def get(self, number: int) -> Block:
+    def get(self, name: str) -> Block:
         """A block."""
         if self._folder is None:
-            return self._blocks[number]
-        with np.load(self._path(number)) as file:
-            return {name: file[name] for name in file.files}
+            return self._blocks[name]
+        with np.load(self._path(name)) as file:
+            return {key: file[key] for key in file.files}
 
-    def put_record(self, record: dict[str, Any]) -> None:
-        """Keep what is to be known of all blocks besides, for a run that finds them all here."""
-        if self._folder is None:
-            return
-        path = self._folder / f"{self.key[:16]}.json"
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            draft = path.with_name(f".{path.name}.{os.getpid()}")
-            draft.write_text(json.dumps(record), encoding="utf-8")
-            os.replace(draft, path)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    def _taken(self, name: str) -> Block:
+        """A block that is not asked for again: in memory it goes."""
+        return self.get(name) if self._folder is not None else self._blocks.pop(name)
 
-    def record(self) -> dict[str, Any] | None:
+    def put_record(self, name: str, record: dict[str, Any]) -> None:
+        """Keep what is to be known of blocks besides, for a run that finds them all here."""
+        if self._folder is not None:
+            text = json.dumps(record).encode("utf-8")
+            self._write(self._path(name, "json"), lambda stream: stream.write(text))
+
+    def record(self, name: str) -> dict[str, Any] | None:
         """What `put_record` kept; None where it did not."""
         if self._folder is None:
             return None
         try:
-            text = (self._folder / f"{self.key[:16]}.json").read_text(encoding="utf-8")
+            text = self._path(name, "json").read_text(encoding="utf-8")
             found: dict[str, Any] = json.loads(text)
         except (OSError, ValueError):
             return None
@@ -106,9 +130,9 @@ class YearStore:
         small: xarray.Dataset,
         attributes: Mapping[str, Mapping[str, Any]],
         dims: tuple[str, ...],
-        ends: list[int],
+        pieces: Iterable[Piece],
     ) -> xarray.Dataset:
-        """All blocks as one dataset; on disk its variables are read when they are used.
+        """All pieces as one dataset; on disk its variables are read when they are used.
 
         Parameters
         ----------
@@ -117,36 +141,33 @@ class YearStore:
         attributes : mapping
             Of each variable of the blocks.
         dims : tuple of str
-            Of these variables, the last one being the time.
-        ends : list of int
-            End of each block among the steps.
+            Of these variables: sensor and time, with the state before them where there are some.
+        pieces : iterable of Piece
+            All of them.
         """
+        shape = tuple(int(small.sizes[d]) for d in dims)
         if self.out is None:
+            values = {name: np.zeros(shape, dtype=np.float32) for name in attributes}
+            self._fill(values, pieces, stacked=len(shape) > 2)
             for name, own in attributes.items():
-                parts = [self.get(k)[name] for k in range(len(ends))]
-                small[name] = dims, np.concatenate(parts, axis=-1), dict(own)
+                small[name] = dims, values[name], dict(own)
             return small
         import h5netcdf
         import xarray as xr
 
         draft = self.out.with_name(f".{self.out.stem}.{os.getpid()}.tmp{self.out.suffix}")
-        shape = tuple(int(small.sizes[d]) for d in dims)
+        chunks = (*(1 for _ in shape[:-2]), min(shape[-2], CHUNK[0]), min(shape[-1], CHUNK[1]))
         try:
             small.to_netcdf(draft, engine="h5netcdf")
             with h5netcdf.File(draft, "a") as file:
-                chunks = (*shape[:-2], min(shape[-2], 64), min(shape[-1], 1024))
+                made = {}
                 for name, own in attributes.items():
-                    made = file.create_variable(
+                    made[name] = file.create_variable(
                         name, dims, "f4", chunks=chunks, compression="gzip", compression_opts=1
                     )
                     for key, value in own.items():
-                        made.attrs[key] = value
-                start = 0
-                for k, end in enumerate(ends):
-                    block = self.get(k)
-                    for name in attributes:
-                        file.variables[name][..., start:end] = block[name]
-                    start = end
+                        made[name].attrs[key] = value
+                self._fill(made, pieces, stacked=len(shape) > 2)
             os.replace(draft, self.out)
         except OSError as error:
             raise OutputError(f"{self.out}: cannot be written ({error})") from None
@@ -155,6 +176,16 @@ class YearStore:
                 draft.unlink()
         self.clear()
         return xr.open_dataset(self.out, engine="h5netcdf")
+
+    def _fill(
+        self, variables: Mapping[str, Any], pieces: Iterable[Piece], *, stacked: bool
+    ) -> None:
+        """Put all pieces into ``variables``."""
+        for piece in pieces:
+            block = self._taken(piece.name)
+            place = (piece.sensors, piece.steps)
+            for name, variable in variables.items():
+                variable[(piece.state, *place) if stacked else place] = block[name]
 
 
 def key_of(*values: Any) -> str:

@@ -26,11 +26,31 @@ UDI_LX = (100.0, 300.0, 3000.0)
 UDI_NAMES = ("fell short", "supplementary", "autonomous", "exceeded")
 
 
+_OPERATORS = {">=": np.greater_equal, ">": np.greater}
+
+
+def compare(operator: str) -> np.ufunc:
+    """What compares values with bounds: standards and programs differ in it.
+
+    Raises
+    ------
+    InputError
+        If it is neither ``">="`` nor ``">"``.
+    """
+    if operator not in _OPERATORS:
+        raise InputError(f"operator {operator!r}: must be one of {', '.join(_OPERATORS)}")
+    return _OPERATORS[operator]
+
+
 def daylight_autonomy(
-    illuminance: FloatArray, counted: NDArray[np.bool_], threshold_lx: float = 300.0
+    illuminance: FloatArray,
+    counted: NDArray[np.bool_],
+    threshold_lx: float = 300.0,
+    *,
+    level: str = ">=",
 ) -> FloatArray:
     """Share (m,) of the steps that count with E ≥ threshold. [1]"""
-    return _share(illuminance[:, counted] >= _positive(threshold_lx))
+    return _share(compare(level)(illuminance[:, counted], _positive(threshold_lx)))
 
 
 def continuous_autonomy(

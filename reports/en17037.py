@@ -96,50 +96,64 @@ def provision_by_factor(
     return out
 
 
-def provision_by_year(
-    illuminance: FloatArray,
-    area: FloatArray,
-    sky_lx: FloatArray,
-    step_h: float,
-    *,
-    order: str = "hour-first",
-    level_roof: bool = False,
-) -> list[Provision]:
-    """Method 2: the levels by illuminances (m, n) of a year. [1, annex B.3]
+class YearProvision:
+    """Method 2: the levels by illuminances of a year. [1, annex B.3]
+
+    Points are added some at a time.
 
     Parameters
     ----------
-    illuminance : (m, n) array
-        In each step. [lx]
-    area : (m,) array
-        Area of each point. [m²]
     sky_lx : (n,) array
         Diffuse horizontal illuminance outside, which tells the daylight hours. [lx]
     step_h : float
         Length of a step. [h]
-    order : {"hour-first", "sensor-first"}
-        By the standard the area is told in each hour, and then the hours are counted; some
-        programs tell the hours of each point, and count the area.
-    level_roof : bool
-        As in `provision_by_factor`.
     """
-    if order not in ORDERS:
-        raise InputError(f"order = {order!r}: must be one of {', '.join(ORDERS)}")
-    found = illuminance[:, daylight_hours(sky_lx, step_h)]
-    weight = area / area.sum()
-    out = []
-    of_area = _areas(level_roof)
-    for level, bounds in LEVELS.items():
-        shares = []
-        for lux, part in zip(bounds, of_area, strict=True):
-            lit = found >= lux
-            if order == "hour-first":
-                shares.append(float(np.mean(_reaches(weight @ lit, part))))
-            else:
-                shares.append(float(weight @ _reaches(lit.mean(axis=1), TIME)))
-        asked = (TIME, TIME) if order == "hour-first" else of_area
-        out.append(_judged(level, shares, asked, level_roof))
-    return out
+
+    def __init__(self, sky_lx: FloatArray, step_h: float) -> None:
+        self._counted = daylight_hours(sky_lx, step_h)
+        self._bounds = sorted({lux for pair in LEVELS.values() for lux in pair})
+        self._area = 0.0
+        #: Area with as much light in each daylight hour, and share of them and area of each point.
+        self._lit = np.zeros((len(self._bounds), int(self._counted.sum())))
+        self._shares: list[FloatArray] = []
+        self._areas: list[FloatArray] = []
+
+    def add(self, illuminance: FloatArray, area: FloatArray) -> None:
+        """Add points with illuminances (m, n) in each step [lx] and areas (m,) [m²]."""
+        found = illuminance[:, self._counted]
+        lit = [found >= lux for lux in self._bounds]
+        self._lit += np.stack([area @ one for one in lit])
+        self._shares.append(np.stack([one.mean(axis=1) for one in lit]))
+        self._areas.append(np.asarray(area, dtype=np.float64))
+
+    def levels(self, order: str = "hour-first", *, level_roof: bool = False) -> list[Provision]:
+        """How far each level is reached.
+
+        Parameters
+        ----------
+        order : {"hour-first", "sensor-first"}
+            By the standard the area is told in each hour, and then the hours are counted; some
+            programs tell the hours of each point, and count the area.
+        level_roof : bool
+            As in `provision_by_factor`.
+        """
+        if order not in ORDERS:
+            raise InputError(f"order = {order!r}: must be one of {', '.join(ORDERS)}")
+        area = np.concatenate(self._areas)
+        points = np.concatenate(self._shares, axis=1)
+        out = []
+        of_area = _areas(level_roof)
+        for level, bounds in LEVELS.items():
+            shares = []
+            for lux, part in zip(bounds, of_area, strict=True):
+                row = self._bounds.index(lux)
+                if order == "hour-first":
+                    shares.append(float(np.mean(_reaches(self._lit[row] / area.sum(), part))))
+                else:
+                    shares.append(float(area @ _reaches(points[row], TIME) / area.sum()))
+            asked = (TIME, TIME) if order == "hour-first" else of_area
+            out.append(_judged(level, shares, asked, level_roof))
+        return out
 
 
 def _areas(level_roof: bool) -> tuple[float, float]:

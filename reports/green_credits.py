@@ -5,8 +5,10 @@ References
 .. [1] U.S. Green Building Council, "LEED v4.1 Building Design and Construction", EQ credit
    Daylight: option 1, sDA300/50 % of the regularly occupied area on average of 40, 55 and 75 % for
    1, 2 and 3 points, with the rooms where ASE1000,250 exceeds 10 % named; option 2, between 300
-   and 3000 lx at 9 h and 15 h on a clear day of the equinox over 55, 75 and 90 % of it.
-.. [2] BRE Global, "BREEAM New Construction", Hea 01: average and worst-lit point by hours a year.
+   and 3000 lx at 9 h and 15 h on a clear day of the equinox over 55, 75 and 90 % of it, without
+   blinds or shades.
+.. [2] BRE Global, "BREEAM New Construction", Hea 01: average and worst-lit point by hours a year,
+   over a share of the area.
 """
 
 from __future__ import annotations
@@ -28,21 +30,47 @@ NEAR_DAYS, HOURS = 15, (9, 15)
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """What BREEAM asks of a kind of space: mean and least illuminance, each with its hours. [2]"""
+    """What BREEAM asks of a kind of space: mean and least illuminance, each with its hours. [2]
+
+    The least one is that of the worst-lit point of a share of the ``area``, the best-lit one.
+    """
 
     mean_lx: float
     mean_h: float
     least_lx: float
     least_h: float
+    area: float
+
+
+@dataclass(frozen=True, slots=True)
+class Climate:
+    """What a space reaches of that.
+
+    Attributes
+    ----------
+    mean_h, least_h : float
+        Hours with the mean illuminance, and with the least one at the worst-lit point of the share
+        of the area that is asked for. [h]
+    share : float
+        Share of the area whose points have the least illuminance long enough.
+    met : bool
+        Whether both hours suffice.
+    """
+
+    mean_h: float
+    least_h: float
+    share: float
+    met: bool
 
 
 #: Kinds of spaces. [2]
 USES = {
-    "office": Use(300.0, 2000.0, 90.0, 2000.0),
-    "education": Use(300.0, 2000.0, 90.0, 2000.0),
-    "retail": Use(300.0, 2650.0, 90.0, 2650.0),
-    "healthcare": Use(300.0, 2650.0, 90.0, 2650.0),
-    "kitchen": Use(100.0, 3450.0, 30.0, 3450.0),
+    "office": Use(300.0, 2000.0, 90.0, 2000.0, 0.8),
+    "education": Use(300.0, 2000.0, 90.0, 2000.0, 0.8),
+    "education_one_credit": Use(300.0, 2000.0, 90.0, 2000.0, 0.6),
+    "retail": Use(300.0, 2650.0, 90.0, 2650.0, 0.8),
+    "healthcare": Use(300.0, 2650.0, 90.0, 2650.0, 0.8),
+    "kitchen": Use(100.0, 3450.0, 30.0, 3450.0, 1.0),
 }
 
 
@@ -104,11 +132,39 @@ def equinox_steps(
     return np.array(rows).reshape(2, 2)
 
 
-def breeam_hours(
-    illuminance: FloatArray, area: FloatArray, step_h: float, use: Use
-) -> tuple[float, float, bool]:
-    """Hours with enough light on average, and at the worst-lit point; whether both suffice. [2]"""
-    mean = (area / area.sum()) @ illuminance
-    of_mean = step_h * float((mean >= use.mean_lx).sum())
-    of_least = step_h * float((illuminance >= use.least_lx).sum(axis=1).min())
-    return of_mean, of_least, of_mean >= use.mean_h and of_least >= use.least_h
+class ClimateHours:
+    """BREEAM's hours with enough light, on average and at points. [2]
+
+    Points are added some at a time.
+
+    Parameters
+    ----------
+    step_h : float
+        Length of a step. [h]
+    """
+
+    def __init__(self, step_h: float) -> None:
+        self._step_h = step_h
+        self._sum: FloatArray = np.zeros(1)
+        self._areas: list[FloatArray] = []
+        #: Hours of each point, by what is asked of the worst-lit one.
+        self._hours: dict[float, list[FloatArray]] = {use.least_lx: [] for use in USES.values()}
+
+    def add(self, illuminance: FloatArray, area: FloatArray) -> None:
+        """Add points with illuminances (m, n) in each step [lx] and areas (m,) [m²]."""
+        self._sum = self._sum + area @ illuminance
+        self._areas.append(np.asarray(area, dtype=np.float64))
+        for lux, hours in self._hours.items():
+            hours.append(self._step_h * (illuminance >= lux).sum(axis=1))
+
+    def of(self, use: Use) -> Climate:
+        """What a kind of space reaches."""
+        area = np.concatenate(self._areas)
+        mean_h = self._step_h * float((self._sum / area.sum() >= use.mean_lx).sum())
+        hours = np.concatenate(self._hours[use.least_lx])
+        order = np.argsort(-hours, kind="stable")
+        within = np.cumsum(area[order]) / area.sum()
+        last = int(np.searchsorted(within, use.area - 1e-9))
+        least_h = float(hours[order[last]])
+        share = float(area @ (hours >= use.least_h) / area.sum())
+        return Climate(mean_h, least_h, share, mean_h >= use.mean_h and least_h >= use.least_h)

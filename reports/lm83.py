@@ -6,103 +6,135 @@ Of points with areas (m,), in n steps of ``step_h`` hours. The text of LM-83 com
 References
 ----------
 .. [1] IES LM-83-12, "Approved method: IES spatial daylight autonomy (sDA) and annual sunlight
-   exposure (ASE)": 300 lx in half of 3650 hours, 1000 lx in 250 hours, blinds closed while more
-   than 2 % of the points get more than 1000 lx straight from the sun. The edition of 2022
-   (ANSI/IES LM-83-22) keeps these figures as defaults.
+   exposure (ASE)": 300 lx in half of 3650 hours, 1000 lx in 250 hours, blinds of each window group
+   closed while more than 2 % of the points get more than 1000 lx straight from the sun through it.
+   The edition of 2022 (ANSI/IES LM-83-22) keeps these figures as defaults.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from patchlight.solver.errors import InputError
 from patchlight.solver.model.arrays import FloatArray, IntArray
+
+from .autonomy import compare
 
 #: sDA: illuminance, and share of the hours. ASE: direct illuminance, and hours. [1]
 SDA_LX, SDA_SHARE, ASE_LX, ASE_HOURS = 300.0, 0.5, 1000.0, 250.0
 #: Share of the points in direct sun beyond which blinds are closed. [1]
 BLINDS_SHARE = 0.02
 
-_OPERATORS = {">=": np.greater_equal, ">": np.greater}
-
 
 def spatial_autonomy(
-    illuminance: FloatArray,
-    area: FloatArray,
-    counted: NDArray[np.bool_],
-    *,
-    threshold_lx: float = SDA_LX,
-    share: float = SDA_SHARE,
-    level: str = ">=",
-    time: str = ">=",
+    autonomy: FloatArray, area: FloatArray, *, share: float = SDA_SHARE, time: str = ">="
 ) -> float:
     """Share of the area with enough light in enough of the steps that count: sDA300/50 %. [1]
 
     Parameters
     ----------
-    illuminance : (m, n) array
-        With blinds as they are. [lx]
+    autonomy : (m,) array
+        Share of these steps with `SDA_LX`, blinds being as they are, by `daylight_autonomy`; not a
+        number where no step counts.
     area : (m,) array
         Area of each point. [m²]
-    counted : (n,) bool array
-        Steps that count.
-    threshold_lx, share : float
-        Illuminance, and share of the steps.
-    level, time : {">=", ">"}
-        How each is compared.
+    share : float
+        Of the steps.
+    time : {">=", ">"}
+        How the share is compared.
     """
-    if not counted.any():
+    if np.isnan(autonomy).any():
         return float("nan")
-    lit = _compare(level)(illuminance[:, counted], threshold_lx)
-    enough = _compare(time)(lit.mean(axis=1), share)
-    return float(area @ enough / area.sum())
+    return float(area @ compare(time)(autonomy, share) / area.sum())
 
 
-def sunlight_exposure(
+def exposed_hours(
     sun_illuminance: FloatArray,
-    area: FloatArray,
     counted: NDArray[np.bool_],
     step_h: float,
     *,
     threshold_lx: float = ASE_LX,
-    hours: float = ASE_HOURS,
     level: str = ">",
-    time: str = ">",
+) -> FloatArray:
+    """Hours (m,), among the steps that count, with too much sun (m, n), blinds being open. [1]"""
+    sunny = compare(level)(sun_illuminance[:, counted], threshold_lx)
+    return np.asarray(step_h * sunny.sum(axis=1), dtype=np.float64)
+
+
+def sunlight_exposure(
+    exposed_h: FloatArray, area: FloatArray, *, hours: float = ASE_HOURS, time: str = ">"
 ) -> float:
     """Share of the area with too much sun in too many hours: ASE1000,250h. [1]
 
-    ``sun_illuminance`` (m, n) is straight from the sun, with blinds open. By default both are
-    exceeded when they are more than the bound, as the text has it; some programs take 250 h for
-    too many (``time=">="``).
+    ``exposed_h`` (m,) is by `exposed_hours`. By default both bounds are exceeded when values are
+    more than them, as the text has it; some programs take 250 h for too many (``time=">="``).
     """
-    sunny = _compare(level)(sun_illuminance[:, counted], threshold_lx)
-    much = _compare(time)(step_h * sunny.sum(axis=1), hours)
-    return float(area @ much / area.sum())
+    return float(area @ compare(time)(exposed_h, hours) / area.sum())
 
 
-def blinds_state(
-    sun_illuminance: FloatArray,
-    *,
-    threshold_lx: float = ASE_LX,
-    share: float = BLINDS_SHARE,
+def group_rows(window_group: Sequence[str]) -> list[IntArray]:
+    """Rows of the states of each window group, the first state first, given the group of each.
+
+    Row 0 is all groups in their first state, and belongs to each of them. Where no row has a group,
+    the whole scene is one.
+    """
+    names = np.asarray(window_group).astype(str)
+    rows = [np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist()) if name]
+    return [np.append(0, own) for own in rows] or [np.arange(len(names))]
+
+
+def exposed_points(
+    sun_illuminance: FloatArray, groups: list[IntArray], *, threshold_lx: float = ASE_LX
+) -> list[IntArray]:
+    """Points (states, n) with too much sun through each window group, in each of its states. [1]
+
+    The sun (k, m, n) comes through one group or another: what a group lets through is what there is
+    more than in that state of it which lets through least. Blinds through which the sun shines are
+    counted for the other groups by that; of a single group all sun is its own.
+    """
+    out = []
+    for rows in groups:
+        through = sun_illuminance[rows]
+        if len(groups) > 1:
+            through = through - through.min(axis=0)
+        out.append(np.asarray((through > threshold_lx).sum(axis=1)))
+    return out
+
+
+def blinds_states(
+    exposed: list[IntArray], points: int, groups: list[IntArray], *, share: float = BLINDS_SHARE
 ) -> IntArray:
-    """Which of k states holds in each step (n,), given the sun (k, m, n) in each of them. [1]
+    """Row of the state (g, n) that each of g window groups is in, in each step. [1]
 
     The first state in which no more than 2 % of the points get more than 1000 lx straight from the
-    sun; where there is none, the last one.
+    sun through the group; where there is none, the last one.
+
+    Parameters
+    ----------
+    exposed : list of (states, n) int arrays
+        Of `exposed_points`, summed over all ``points``.
+    groups : list of int arrays
+        Of `group_rows`.
     """
-    exposed = (sun_illuminance > threshold_lx).mean(axis=1)
-    fine = exposed <= share
-    fine[-1] = True
-    return np.asarray(np.argmax(fine, axis=0))
+    out = []
+    for counts, rows in zip(exposed, groups, strict=True):
+        fine = counts <= share * points
+        fine[-1] = True
+        out.append(rows[np.argmax(fine, axis=0)])
+    return np.stack(out)
 
 
-def in_state(values: FloatArray, state: IntArray) -> FloatArray:
-    """Values (m, n) of those (k, m, n) in the state (n,) that holds in each step."""
-    return np.asarray(np.take_along_axis(values, state[None, None, :], axis=0)[0])
+def in_states(values: FloatArray, states: IntArray) -> FloatArray:
+    """Values (m, n) of those (k, m, n) in the states (g, n) that hold in each step.
 
-
-def _compare(operator: str) -> np.ufunc:
-    if operator not in _OPERATORS:
-        raise InputError(f"operator {operator!r}: must be one of {', '.join(_OPERATORS)}")
-    return _OPERATORS[operator]
+    Light through different windows adds: what each group changes, with the others in their first
+    state, is summed. That is exact for direct light; of reflected light it leaves out what the
+    blinds of one group send back of the light through another.
+    """
+    taken = [np.take_along_axis(values, one[None, None, :], axis=0)[0] for one in states]
+    if len(taken) == 1:
+        return np.asarray(taken[0])
+    first = values[0]
+    change = sum((one - first for one in taken[1:]), taken[0] - first)
+    return np.maximum(first + change, 0.0)

@@ -14,19 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from patchlight.solver.model.arrays import FloatArray
 
+#: Illuminance on a plane facing the sun from which on it shines: of 120 W/m² at 92 lm/W, as Perez'
+#: efficacies have a low sun. [2] [lx]
+SHINES_LX = 11_000.0
 #: Hours of sun of each level. [1]
 SUNLIGHT_LEVELS = {"minimum": 1.5, "medium": 3.0, "high": 4.0}
 
 
 def sunlight_hours(
-    sun_illuminance: FloatArray,
-    sun_normal_lx: FloatArray,
-    step_h: float,
-    *,
-    least_share: float = 0.0,
-    least_normal_lx: float = 0.0,
+    sun_illuminance: FloatArray, sun_normal_lx: FloatArray, step_h: float
 ) -> FloatArray:
-    """Hours (m,) in which points get sun.
+    """Hours (m,) in which points get sun while it shines. [2]
 
     Parameters
     ----------
@@ -36,14 +34,8 @@ def sunlight_hours(
         Illuminance of the sun on a plane facing it. [lx]
     step_h : float
         Length of a step. [h]
-    least_share : float
-        Illuminance from the sun, against that of a plane facing it, up to which it is none.
-    least_normal_lx : float
-        Illuminance on a plane facing the sun up to which it does not shine; 120 W/m² make some
-        11 000 lx. [2]
     """
-    shines = sun_normal_lx > least_normal_lx
-    sunny = sun_illuminance[:, shines] > least_share * sun_normal_lx[shines]
+    sunny = sun_illuminance[:, sun_normal_lx > SHINES_LX] > 0.0
     return np.asarray(step_h * sunny.sum(axis=1), dtype=np.float64)
 
 

@@ -2,103 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
-from patchlight.solver.errors import InputError
-from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .autonomy import UDI_NAMES, continuous_autonomy, daylight_autonomy, useful_illuminance
-from .en17037 import ORDERS, highest, median_diffuse, provision_by_year
+from .autonomy import UDI_NAMES
+from .en17037 import ORDERS, Provision, highest, median_diffuse, provision_by_factor
 from .green_credits import (
+    ASE_TOLD,
     OPTION_1,
     OPTION_2,
     USES,
-    breeam_hours,
-    equinox_steps,
+    average_share,
     in_range,
     leed_points,
 )
-from .lm83 import blinds_state, in_state, spatial_autonomy, sunlight_exposure
+from .lm83 import spatial_autonomy, sunlight_exposure
+from .sunlight import is_in_season, sunlight_level
+from .year_tables import GridTable, grid_tables, is_whole_year, window_groups
 
 if TYPE_CHECKING:
     import xarray
 
 Row = dict[str, Any]
+_Found = list[tuple[str, Any, str]]
+#: What stands for the grid in rows of all of them together.
+ALL_GRIDS = "all grids"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GridYear:
-    """What metrics need of one grid: m points, n steps.
-
-    Attributes
-    ----------
-    name : str
-        Of the grid.
-    illuminance : (m, n) array
-        With blinds as they are, where the dataset has states. [lx]
-    sun : (m, n) array
-        Straight from the sun, in the first state. [lx]
-    area : (m,) array
-        Of each point. [m²]
-    state : (n,) int array or None
-        Which state holds in each step, by LM-83.
-    """
-
-    name: str
-    illuminance: FloatArray
-    sun: FloatArray
-    area: FloatArray
-    state: IntArray | None
-
-
-def grid_years(dataset: xarray.Dataset) -> list[GridYear]:
-    """Each grid of a dataset of `simulate_year`, one state chosen in every step.
-
-    Raises
-    ------
-    InputError
-        If it is no such dataset.
-    """
-    lacking = {"illuminance", "sun_illuminance", "grid", "area", "occupied"} - set(
-        dataset.variables
-    )
-    if lacking:
-        raise InputError(f"dataset: lacks {', '.join(sorted(lacking))}: not of simulate_year")
-    names = np.asarray(dataset["grid"].values).astype(str)
-    out = []
-    for name in dict.fromkeys(names.tolist()):
-        some = dataset.isel(sensor=np.flatnonzero(names == name))
-        light, sun = (
-            np.asarray(some[key].values, dtype=np.float64)
-            for key in ("illuminance", "sun_illuminance")
-        )
-        state = None
-        if "state" in dataset["illuminance"].dims:
-            state = blinds_state(sun)
-            light, sun = in_state(light, state), sun[0]
-        out.append(GridYear(name, light, sun, np.asarray(some["area"].values), state))
-    return out
-
-
-def year_rows(dataset: xarray.Dataset) -> list[Row]:
+def year_rows(dataset: xarray.Dataset, tables: list[GridTable] | None = None) -> list[Row]:
     """Metrics of all grids, one row each, with the columns of ``metrics.csv``.
 
     Those by hours of a whole year are left out of shorter weather.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Of `simulate_year`.
+    tables : list of GridTable, optional
+        Of its grids, where they are known already.
     """
-    occupied = np.asarray(dataset["occupied"].values, dtype=bool)
-    sky = np.asarray(dataset["sky_horizontal"].values, dtype=np.float64)
-    minutes = int(dataset.attrs["step_minutes"])
-    whole = len(sky) * minutes in (365 * 1440, 366 * 1440)
+    tables = grid_tables(dataset) if tables is None else tables
+    whole = is_whole_year(dataset)
     rows: list[Row] = []
-    for grid in grid_years(dataset):
-        rows += [_row(grid.name, *one) for one in _by_schedule(grid, occupied)]
+    for table in tables:
+        found = [*_by_schedule(table, dataset), *_by_day(table, dataset)]
         if whole:
-            rows += [_row(grid.name, *one) for one in _by_lm83(grid, occupied, minutes / 60.0)]
-            rows += [_row(grid.name, *one) for one in _by_year(grid, sky, minutes / 60.0)]
-            rows += [_row(grid.name, *one) for one in _by_equinox(grid, dataset, minutes)]
+            found += [*_by_lm83(table), *_by_year(table, dataset), *_by_equinox(table)]
+        rows += [_row(table.name, *one) for one in found]
+    if whole and len(tables) > 1:
+        rows += [_row(ALL_GRIDS, *one) for one in _of_all(tables)]
     return rows
 
 
@@ -112,70 +65,121 @@ def _row(grid: str, quantity: str, value: Any, unit: str) -> Row:
     }
 
 
-def _by_schedule(grid: GridYear, occupied: NDArray[np.bool_]) -> list[tuple[str, Any, str]]:
-    light, area = grid.illuminance, grid.area
-    share = area / area.sum()
-    found: list[tuple[str, Any, str]] = [
-        ("DA300_mean_pct", 100.0 * float(share @ daylight_autonomy(light, occupied)), "%"),
-        ("cDA300_mean_pct", 100.0 * float(share @ continuous_autonomy(light, occupied)), "%"),
+def _by_schedule(table: GridTable, dataset: xarray.Dataset) -> _Found:
+    share = table.area / table.area.sum()
+    occupied = np.asarray(dataset["occupied"].values, dtype=bool)
+    found: _Found = [
+        ("E_mean_lx", float(share @ table.mean_lx), "lx"),
+        ("DA300_mean_pct", 100.0 * float(share @ table.autonomy), "%"),
+        ("cDA300_mean_pct", 100.0 * float(share @ table.continuous), "%"),
     ]
-    for name, values in zip(UDI_NAMES, useful_illuminance(light, occupied), strict=True):
+    for name, values in zip(UDI_NAMES, table.useful, strict=True):
         key = f"UDI_{name.replace(' ', '_')}_mean_pct"
         found.append((key, 100.0 * float(share @ values), "%"))
-    if grid.state is not None:
-        changed = 100.0 * float((grid.state[occupied] > 0).mean())
+    if table.states is not None:
+        changed = 100.0 * float((table.states[:, occupied] > 0).any(axis=0).mean())
         found.append(("blinds_not_in_first_state_pct", changed, "% of hours"))
+        if len(table.states) > 1:
+            groups = dict.fromkeys(name for name in window_groups(dataset) if name)
+            for name, states in zip(groups, table.states, strict=True):
+                own = 100.0 * float((states[occupied] > 0).mean())
+                found.append((f"blinds_{name}_not_in_first_state_pct", own, "% of hours"))
+    if table.with_lamps_lx is not None:
+        found.append(("E_mean_with_electric_lx", float(share @ table.with_lamps_lx), "lx"))
+        step_h = float(dataset.attrs["step_minutes"]) / 60.0
+        lamps, on = dataset["lamps"].values, dataset["electric_on"].values
+        for group, burns in zip(lamps, on, strict=True):
+            found.append((f"electric_{group}_h", step_h * float(burns.sum()), "h"))
     return found
 
 
-def _by_lm83(
-    grid: GridYear, occupied: NDArray[np.bool_], step_h: float
-) -> list[tuple[str, Any, str]]:
-    light, area = grid.illuminance, grid.area
-    sda = spatial_autonomy(light, area, occupied)
-    ase = sunlight_exposure(grid.sun, area, occupied, step_h)
+def _by_day(table: GridTable, dataset: xarray.Dataset) -> _Found:
+    """Exposure to sunlight by EN 17037, of a day in its season, at the sunniest point."""
+    if "sunlight_hours" not in dataset:
+        return []
+    day = str(dataset.attrs["sun_day"])
+    hours = _of_first_state(dataset, "sunlight_hours", table)
+    most = float(hours.max())
+    key = f"sunlight_{day}"
+    found: _Found = [
+        (f"{key}_mean_h", float(table.area @ hours / table.area.sum()), "h"),
+        (f"{key}_most_h", most, "h"),
+    ]
+    year = str(np.asarray(dataset["time"].values)[0].astype("datetime64[Y]"))
+    if is_in_season(np.array([f"{year}-{day}"], "datetime64[D]"))[0]:
+        found.append((f"EN17037_{key}_level", sunlight_level(most) or "none", ""))
+    return found
+
+
+def _by_lm83(table: GridTable) -> _Found:
+    sda = spatial_autonomy(table.autonomy, table.area)
+    ase = sunlight_exposure(table.exposed_h, table.area)
     return [
         ("sDA300_50_pct", 100.0 * sda, "% of area"),
         ("ASE1000_250h_pct", 100.0 * ase, "% of area"),
         ("LEED_option_1_points", leed_points(sda, OPTION_1), ""),
+        ("LEED_option_1_sun_to_be_explained", "yes" if ase > ASE_TOLD else "no", ""),
     ]
 
 
-def _by_year(grid: GridYear, sky: FloatArray, step_h: float) -> list[tuple[str, Any, str]]:
-    light, area = grid.illuminance, grid.area
-    found: list[tuple[str, Any, str]] = [
-        (
-            "light_exposure_klx_h",
-            1e-3 * step_h * float((area / area.sum()) @ light.sum(axis=1)),
-            "klx h",
-        ),
-        ("EN17037_median_diffuse_lx", median_diffuse(sky, step_h), "lx"),
+def _by_year(table: GridTable, dataset: xarray.Dataset) -> _Found:
+    sky = np.asarray(dataset["sky_horizontal"].values, dtype=np.float64)
+    step_h = float(dataset.attrs["step_minutes"]) / 60.0
+    exposure = 1e-3 * float(table.area @ table.exposure_lx_h / table.area.sum())
+    median = median_diffuse(sky, step_h)
+    found: _Found = [
+        ("light_exposure_klx_h", exposure, "klx h"),
+        ("EN17037_median_diffuse_lx", median, "lx"),
     ]
+    if "daylight_factor" in dataset and median > 0.0:
+        factor = _of_first_state(dataset, "daylight_factor", table)
+        mean = float(table.area @ factor / table.area.sum())
+        found.append(("DF_mean_pct", 100.0 * mean, "%"))
+        provision = provision_by_factor(factor, table.area, median)
+        found += _of_levels("EN17037_by_factor", provision, "% of area")
     for order in ORDERS:
-        provision = provision_by_year(light, area, sky, step_h, order=order)
-        key = f"EN17037_{order.replace('-', '_')}"
-        found.append((f"{key}_level", highest(provision) or "none", ""))
         unit = "% of daylight hours" if order == ORDERS[0] else "% of area"
-        for one in provision:
-            found.append((f"{key}_{one.level}_target_pct", 100.0 * one.target, unit))
-            found.append((f"{key}_{one.level}_minimum_pct", 100.0 * one.minimum, unit))
-    for use, asked in USES.items():
-        mean, least, enough = breeam_hours(light, area, step_h, asked)
-        found.append((f"BREEAM_{use}_mean_h", mean, "h"))
-        found.append((f"BREEAM_{use}_least_h", least, "h"))
-        found.append((f"BREEAM_{use}", "met" if enough else "not met", ""))
+        key = f"EN17037_{order.replace('-', '_')}"
+        found += _of_levels(key, table.provision.levels(order), unit)
+    for name, use in USES.items():
+        climate = table.climate.of(use)
+        found.append((f"BREEAM_{name}_mean_h", climate.mean_h, "h"))
+        found.append((f"BREEAM_{name}_least_h", climate.least_h, "h"))
+        found.append((f"BREEAM_{name}_least_pct", 100.0 * climate.share, "% of area"))
+        found.append((f"BREEAM_{name}", "met" if climate.met else "not met", ""))
     return found
 
 
-def _by_equinox(
-    grid: GridYear, dataset: xarray.Dataset, minutes: int
-) -> list[tuple[str, Any, str]]:
-    clock = np.asarray(dataset["clock"].values)
-    steps = equinox_steps(clock, np.asarray(dataset["sun_normal"].values), minutes)
-    # Of each hour the mean of both days.
-    light = grid.illuminance[:, steps].mean(axis=1)
-    share = in_range(light, grid.area)
+def _of_levels(key: str, provision: list[Provision], unit: str) -> _Found:
+    found: _Found = [(f"{key}_level", highest(provision) or "none", "")]
+    for one in provision:
+        found.append((f"{key}_{one.level}_target_pct", 100.0 * one.target, unit))
+        found.append((f"{key}_{one.level}_minimum_pct", 100.0 * one.minimum, unit))
+    return found
+
+
+def _by_equinox(table: GridTable) -> _Found:
+    if table.equinox_lx is None:
+        return []
+    share = in_range(table.equinox_lx, table.area)
     return [
         ("LEED_option_2_pct", 100.0 * share, "% of area"),
         ("LEED_option_2_points", leed_points(share, OPTION_2), ""),
     ]
+
+
+def _of_all(tables: list[GridTable]) -> _Found:
+    """LEED's first option, by the mean of all grids."""
+    areas = np.array([table.area.sum() for table in tables])
+    shares = np.array([spatial_autonomy(table.autonomy, table.area) for table in tables])
+    sda = average_share(shares, areas)
+    return [
+        ("sDA300_50_pct", 100.0 * sda, "% of area"),
+        ("LEED_option_1_points", leed_points(sda, OPTION_1), ""),
+    ]
+
+
+def _of_first_state(dataset: xarray.Dataset, name: str, table: GridTable) -> np.ndarray:
+    """Values (m,) of the points of a grid; of scenes with states in the first one."""
+    values = np.asarray(dataset[name].values, dtype=np.float64)
+    return (values if values.ndim == 1 else values[0])[table.rows]

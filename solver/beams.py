@@ -18,6 +18,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,8 +99,9 @@ class Beams:
         used = used[worth[used] > 0.0]
         low = np.stack([node[used] // side, node[used] % side]) / side
         # Points in line with the sides of elements would meet the edges of sun patches all at once:
-        # they are spread as evenly at places that differ from each unknown to the next.
-        turn = np.arange(len(used) * points).reshape(len(used), points)
+        # they are spread as evenly at places that differ from each unknown to the next. They are
+        # the same for all values, whichever are found together.
+        turn = used[:, None] * points + np.arange(points)
         u, v = (
             (first[:, None] + np.mod(0.5 + turn * step, 1.0) / side)
             for first, step in zip(low, STEPS, strict=True)
@@ -127,14 +129,21 @@ class Beams:
         """Those of the last columns, one a sensor: in the colour of the sun."""
         return replace(self, weights=self.weights[-sensors:])
 
-    def coefficients(self, directions: FloatArray) -> FloatArray:
-        """Values (c, B) by beams of 1 lx from ``directions`` (B, 3), on planes facing them."""
+    def coefficients(
+        self, directions: FloatArray, tell: Callable[[int, int], None] | None = None
+    ) -> FloatArray:
+        """Values (c, B) by beams of 1 lx from ``directions`` (B, 3), on planes facing them.
+
+        ``tell`` is told how many of them are done.
+        """
         out = np.zeros((len(self.weights), len(directions)))
         if not len(self.points):
             return out
         step = max(1, RAYS // len(self.points))
         for start in range(0, len(directions), step):
             some = slice(start, min(start + step, len(directions)))
+            if tell is not None:
+                tell(start, len(directions))
             cosine = self.normals @ directions[some].T
             point, d = np.nonzero(cosine > 0.0)
             at, to = self.points[point], directions[some][d]

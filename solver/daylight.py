@@ -34,7 +34,7 @@ def overcast_scene(scene: SceneData) -> SceneData:
     )
 
 
-def with_daylight_factors(result: Result, run: Callable[[SceneData], Result]) -> Result:
+def with_daylight_factors(result: Result, run: Callable[[SceneData, str], Result]) -> Result:
     """``result`` with the daylight factors that its scene asks for, if any.
 
     Parameters
@@ -42,7 +42,7 @@ def with_daylight_factors(result: Result, run: Callable[[SceneData], Result]) ->
     result : Result
         Of the scene as it is.
     run : callable
-        Solves a scene as ``result`` was solved.
+        Solves a scene as ``result`` was solved, beside it; told what for.
     """
     scene = result.scene
     if scene.daylight_factors is None:
@@ -56,7 +56,7 @@ def with_daylight_factors(result: Result, run: Callable[[SceneData], Result]) ->
     if why:
         return replace(result, skipped={**result.skipped, STAGE: why})
     start = time.perf_counter()
-    other = run(overcast_scene(scene))
+    other = run(overcast_scene(scene), STAGE)
     seconds = time.perf_counter() - start
     known = set(result.warnings)
     return replace(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from .control_groups import control_groups, read_text
-from .errors import OutOfMemoryError
+from .errors import InputError, OutOfMemoryError
 
 #: Bytes that a pair of receiver and element takes at the worst moment, while rows are corrected:
 #: factors (4) and variances (4), a quarter of both once more for rows that are found anew (2), and
@@ -38,6 +40,8 @@ UNKNOWN_BYTES = 10_000
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
 SMALL_MATRIX = 1_000_000
 GB = 1e9
+#: Limits that callers have set for the whole process, the one that holds last. [B]
+_LIMITS: list[int] = []
 #: Limit, use and what of it only caches files, of a control group of each version.
 _GROUP_FILES = {
     2: ("memory.max", "memory.current", "inactive_file"),
@@ -185,11 +189,43 @@ def fits(elements: int, largest_grid: int = 0, more: int = 0) -> bool:
 def available_bytes(root: Path = Path("/")) -> int | None:
     """Memory that can still be had [B]; None when the system does not tell.
 
-    The least of what the machine has free and what the control groups of the process, if any, still
-    allow; memory that only caches files counts as free.
+    The least of what the machine has free, what the control groups of the process, if any, still
+    allow, and what a `limit` leaves; memory that only caches files counts as free.
     """
     limits = [free for free in (_machine(root), *_groups(root)) if free is not None]
+    limits += [most - used_bytes(root) for most in _LIMITS]
     return max(0, min(limits)) if limits else None
+
+
+@contextmanager
+def limited(memory_gb: float | None) -> Iterator[None]:
+    """Take no more memory than this for the process meanwhile; what is free when None. [GB]
+
+    All that asks how much there is, is told so: matrices are packed, less is kept for later runs,
+    and what does not fit is refused.
+
+    Raises
+    ------
+    InputError
+        If it is no positive number.
+    """
+    if memory_gb is None:
+        yield
+        return
+    number = isinstance(memory_gb, (int, float)) and not isinstance(memory_gb, bool)
+    if not number or not 0.0 < memory_gb < math.inf:
+        raise InputError(f"memory_gb = {memory_gb!r}: must be above 0 and finite")
+    _LIMITS.append(int(memory_gb * GB))
+    try:
+        yield
+    finally:
+        _LIMITS.pop()
+
+
+def used_bytes(root: Path = Path("/")) -> int:
+    """Memory that the process has now, 0 where the system does not tell. [B]"""
+    words = read_text(root / "proc/self/statm").split()
+    return int(words[1]) * os.sysconf("SC_PAGE_SIZE") if len(words) > 1 else 0
 
 
 def _machine(root: Path) -> int | None:

@@ -94,10 +94,20 @@ class Kept:
         Receives counters, and warnings once more.
     store : Store, optional
         Without, nothing is kept.
+    beside : str
+        What a run is for that is made beside those of the scene itself, such as daylight factors:
+        what its light decides on does not take the place of what theirs did.
     """
 
-    def __init__(self, scene: SceneData, *, stages: Stages, store: Store | None = None) -> None:
-        self.scene, self.stages, self.store = scene, stages, store
+    def __init__(
+        self,
+        scene: SceneData,
+        *,
+        stages: Stages,
+        store: Store | None = None,
+        beside: str = "",
+    ) -> None:
+        self.scene, self.stages, self.store, self.beside = scene, stages, store, beside
         #: How often something of a name was there, or was not.
         self.hits: dict[str, list[int]] = {}
         #: Rows that are in the store, by the identity of their factors, and where they came from.
@@ -175,7 +185,7 @@ class Kept:
         tone = np.empty(0) if sky is None else np.asarray(sky_tone(sky))
         known = None if sees_sky is None else tone
         of = (tolerances(asked.budget), *_of_rows(asked), more)
-        where = digest(self._parts, name, which, of[0], more)
+        where = digest(self._parts, self.beside, name, which, of[0], more)
         stand = self._stand(asked)
         self.old_rows.pop(name + which, None)
         history = History.new(stand, len(asked.receivers.nodes))
@@ -214,7 +224,8 @@ class Kept:
 
             out: Any = (under_sky(found[0], value.tone, tone, asked, seen), *found[1:])
             found = out
-        if renew is not None:
+        # What a run beside another took of it is the other's to renew after moves.
+        if renew is not None and not (there and self.beside):
             self.store.put(where, self._arrangement(asked, value._replace(found=found, tone=tone)))
         return found
 
@@ -360,10 +371,25 @@ class Kept:
         if self.store is not None:
             self.store.put(digest(self._parts, name, of), value)
 
+    def worth_before(self, of: tuple[Any, ...]) -> Worth | None:
+        """What of the light mattered in the last run of the same parts and for the same."""
+        found = self.of_parts("worth", (self.beside, *of))
+        return found if isinstance(found, Worth) else None
+
+    def keep_worth(self, of: tuple[Any, ...], worth: Worth) -> None:
+        """Keep what of the light matters for later runs."""
+        self.keep_of_parts("worth", (self.beside, *of), worth)
+
     def mesh(self, budget: Budget) -> Mesh | None:
-        """The mesh of the last run of the same parts, wherever, and the same accuracy."""
-        found = self.of_parts("mesh", self._of_mesh(budget))
-        return found if isinstance(found, Mesh) else None
+        """The mesh of the last run of the same parts, wherever, and the same accuracy.
+
+        A run beside another that has none of its own takes that of the other.
+        """
+        for beside in dict.fromkeys((self.beside, "")):
+            found = self.of_parts("mesh", (beside, *self._of_mesh(budget)))
+            if isinstance(found, Mesh):
+                return found
+        return None
 
     def _of_mesh(self, budget: Budget) -> tuple[Any, ...]:
         """What lamps and sky there are decides on cuts, how bright they are is looked at again."""
@@ -374,7 +400,7 @@ class Kept:
 
     def keep_mesh(self, budget: Budget, mesh: Mesh) -> None:
         """Keep the mesh for later runs."""
-        self.keep_of_parts("mesh", self._of_mesh(budget), mesh)
+        self.keep_of_parts("mesh", (self.beside, *self._of_mesh(budget)), mesh)
 
 
 def _new_mark() -> bytes:

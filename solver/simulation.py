@@ -133,8 +133,9 @@ def solve(
             # The second run is to find what the first one knows, and both to leave nothing.
             options = replace(options, cache=True, store=Store())
 
-        def run(one: SceneData) -> Result:
-            return kind(one, accuracy, visibility, Stages(progress), options).run()
+        def run(one: SceneData, beside: str = "") -> Result:
+            how = replace(options, beside=beside)
+            return kind(one, accuracy, visibility, Stages(progress), how).run()
 
         return with_daylight_factors(run(scene), run)
 
@@ -178,6 +179,8 @@ class Options:
     cache: bool = False
     #: Where what is found is kept; what all runs of the process share when not given.
     store: Store | None = None
+    #: What the run is for, where it is made beside those of the scene itself; see `reuse.Kept`.
+    beside: str = ""
 
 
 class Simulation:
@@ -197,6 +200,7 @@ class Simulation:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
         self.balance = options.balanced
+        self._beside = options.beside
         self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.basis = options.basis or self.basis
@@ -245,7 +249,7 @@ class Simulation:
         """What solves the scene, before any of it is solved."""
         scene, stages = self.scene, self.stages
         with stages.run("geometry"):
-            kept = Kept(scene, stages=stages, store=self.store)
+            kept = Kept(scene, stages=stages, store=self.store, beside=self._beside)
             opaque = scene.without_panes
             solids = opaque.patches, opaque.closed, opaque.patches.part_index
             blockers = kept_blockers(kept, *solids)
@@ -385,7 +389,7 @@ class Simulation:
         # Bounds of what old rows have wrong are known where all light passes by form factors.
         lit = self.scene.sky is not None or self.scene.sun is not None
         kept.exact = lit or solver.highlights.any or not by_factors_alone(self.scene)
-        kept.worth = kept.of_parts("worth", of)
+        kept.worth = kept.worth_before(of)
         solved = self._with_rows(solver, boxes)
         light = [one.illuminance_lx for one in solved.sensors.values()]
         if not solved.kept.is_within(self.budget.accuracy, light):
@@ -399,7 +403,7 @@ class Simulation:
             left = sum(int(old.which.sum()) for old in kept.old_rows.values())
             self.stages.count({"rows_left": left})
         if self.store is not None:
-            kept.keep_of_parts("worth", of, self._worth(solved))
+            kept.keep_worth(of, self._worth(solved))
         return solved
 
     def _worth(self, solved: Solved) -> Worth:

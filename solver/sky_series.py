@@ -7,7 +7,6 @@ obstruction gets the diffuse illuminance that its irradiance makes.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +18,7 @@ from .errors import InputError
 from .model.arrays import FloatArray, IntArray, frozen
 from .model.weather import Weather
 from .perez import brightness, clearness, efficacies, in_form_of_cie, shapes
-from .sun_position import sun_positions
+from .sun_position import nearness, sun_positions
 
 #: Dew point taken where none is known: 2 cm of precipitable water, as Radiance's gendaylit has it.
 DEW_POINT_C = 10.97
@@ -131,25 +130,6 @@ class SkySeries:
         sky_table(parameters, suns, directions, out)
         whole = grid.level @ out
         return np.asarray(out * (self.sky_lx[steps] / np.where(whole > 0.0, whole, 1.0)))
-
-
-def nearness(times: NDArray[np.datetime64]) -> FloatArray:
-    """Square of the mean distance of the sun over its distance (n,), by Spencer's series.
-
-    References
-    ----------
-    J. W. Spencer, "Fourier series representation of the position of the sun", Search 2(5), 1971,
-    p. 172.
-    """
-    days = times.astype("datetime64[D]") - times.astype("datetime64[Y]").astype("datetime64[D]")
-    turn = 2.0 * math.pi * days.astype(np.float64) / 365.0
-    return np.asarray(
-        1.000110
-        + 0.034221 * np.cos(turn)
-        + 0.001280 * np.sin(turn)
-        + 0.000719 * np.cos(2.0 * turn)
-        + 0.000077 * np.sin(2.0 * turn)
-    )
 
 
 def _sun_in(weather: Weather) -> tuple[FloatArray, FloatArray]:

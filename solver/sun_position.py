@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,3 +37,22 @@ def sun_positions(site: Site, times: NDArray[np.datetime64]) -> tuple[FloatArray
         pd.DatetimeIndex(times, tz="UTC"), site.latitude_deg, site.longitude_deg, site.elevation_m
     )
     return found["elevation"].to_numpy(np.float64), found["azimuth"].to_numpy(np.float64)
+
+
+def nearness(times: NDArray[np.datetime64]) -> FloatArray:
+    """Square of the mean distance of the sun over its distance (n,), by Spencer's series.
+
+    References
+    ----------
+    J. W. Spencer, "Fourier series representation of the position of the sun", Search 2(5), 1971,
+    p. 172.
+    """
+    days = times.astype("datetime64[D]") - times.astype("datetime64[Y]").astype("datetime64[D]")
+    turn = 2.0 * math.pi * days.astype(np.float64) / 365.0
+    return np.asarray(
+        1.000110
+        + 0.034221 * np.cos(turn)
+        + 0.001280 * np.sin(turn)
+        + 0.000719 * np.cos(2.0 * turn)
+        + 0.000077 * np.sin(2.0 * turn)
+    )

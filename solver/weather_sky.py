@@ -1,22 +1,16 @@
-"""The sky and the sun of one moment of a weather file.
-
-.. [1] J. W. Spencer, "Fourier series representation of the position of the sun", Search 2(5), 1971,
-   p. 172.
-"""
+"""The sky and the sun of one moment of a weather file."""
 
 from __future__ import annotations
 
 import datetime
 import math
 
-import numpy as np
-
 from .clock import universal_time
 from .errors import InputError
 from .model.sky import PerezSky, Sun
 from .model.weather import Weather
 from .perez import sun_of
-from .sun_position import sun_positions
+from .sun_position import nearness, sun_positions
 
 
 def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, Sun, str]:
@@ -72,18 +66,10 @@ def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, S
         diffuse_horizontal_w_m2=diffuse,
         sun_altitude_deg=float(altitude[0]),
         sun_azimuth_deg=float(azimuth[0]),
-        sun_nearness=sun_nearness(begin),
+        sun_nearness=float(nearness(weather.starts[step : step + 1])[0]),
         **({} if math.isnan(dew) else {"dew_point_c": min(max(dew, -90.0), 40.0)}),
     )
     return sky, sun_of(sky), told
-
-
-def sun_nearness(day: datetime.datetime) -> float:
-    """Square of the mean distance of the sun over its distance. [1]"""
-    turn = 2.0 * math.pi * (day.timetuple().tm_yday - 1) / 365.0
-    c, s = np.cos([turn, 2.0 * turn]), np.sin([turn, 2.0 * turn])
-    wave = c @ np.array([0.034221, 0.000719]) + s @ np.array([0.00128, 0.000077])
-    return float(1.00011 + wave)
 
 
 def _parsed(text: str) -> datetime.datetime:

@@ -17,6 +17,7 @@ from patchlight.pipeline import (
     Scene,
     SensorGrid,
     Sun,
+    forget,
     load_scene,
     simulate,
 )
@@ -105,6 +106,21 @@ def test_form_factors_serve_twice(cache):
     scene = room(sky=SUNNY, daylight_factor=True)
     result = simulate(scene, accuracy=0.05, cache=cache)
     assert result.counters["daylight_factor_pairs_reused"] > 0
+
+
+def test_after_a_move_as_much_is_taken_again_as_without_them():
+    """They are found last, under another sky: what they leave is not what the next run goes by."""
+    taken = []
+    for asked in (False, True):
+        forget()
+        for x in (0.6, 0.5):
+            scene = room(sky=SUNNY, daylight_factor=asked)
+            # Curved: what rows see of the sky is told with them.
+            scene.add(PatchSet.cylinder((x, 2.2, 0.1), (x, 2.2, 0.5), 0.25), "seat")
+            result = simulate(scene, accuracy=0.3)
+        taken.append([result.counters[name] for name in ("rows_reused", "pairs_renewed")])
+    assert taken[0] == taken[1]
+    assert taken[0][0] > 0 and taken[0][1] > 0
 
 
 def test_the_scene_lit_by_that_sky_needs_no_second_run():

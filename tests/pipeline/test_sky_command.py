@@ -89,12 +89,9 @@ def test_of_a_weather_file(sky, tmp_path):
 
 def test_distance_of_the_sun():
     """Spencer's series: within 1e-4 of the orbit's extremes, 1 / (1 ∓ 0.0167)²."""
-    import datetime
+    from patchlight.solver.sun_position import nearness
 
-    from patchlight.solver.weather_sky import sun_nearness
-
-    days = [datetime.datetime(2001, 1, 1) + datetime.timedelta(days=k) for k in range(365)]
-    values = np.array([sun_nearness(day) for day in days])
+    values = nearness(np.datetime64("2001-01-01") + np.arange(365))
     assert values.max() == pytest.approx(1 / (1 - 0.0167) ** 2, abs=1e-3)
     assert values.min() == pytest.approx(1 / (1 + 0.0167) ** 2, abs=1e-3)
     assert int(values.argmax()) < 8 and abs(int(values.argmin()) - 184) < 6

@@ -7,8 +7,16 @@ import json
 
 import numpy as np
 import pytest
-from patchlight.pipeline import Emitter, Ground, Material, SensorGrid, Site, simulate_year
-from patchlight.pipeline import year as year_module
+from patchlight.pipeline import (
+    Emitter,
+    Ground,
+    Material,
+    SensorGrid,
+    Site,
+    simulate_year,
+    year_fill,
+    year_store,
+)
 from patchlight.pipeline.cli import main
 from patchlight.pipeline.states import absent_parts, make_state
 from patchlight.solver.errors import InputError, OutputError
@@ -101,7 +109,7 @@ def test_quarters_of_an_hour(weather_file, whole):
 
 
 def test_written_in_blocks_and_taken_up_again(tmp_path, weather_file, whole, monkeypatch):
-    monkeypatch.setattr(year_module, "BLOCK", 10)
+    monkeypatch.setattr(year_fill, "BLOCK", 10)
     target = tmp_path / "annual.nc"
     calls = []
 
@@ -114,8 +122,8 @@ def test_written_in_blocks_and_taken_up_again(tmp_path, weather_file, whole, mon
     with pytest.raises(KeyboardInterrupt):
         simulate_year(room(), weather_file, accuracy=0.2, out=target, progress=cut)
     assert not target.exists()
-    kept = sorted((tmp_path / ".annual.nc.blocks").glob("*.npz"))
-    assert len(kept) == 3
+    kept = [p.name for p in (tmp_path / ".annual.nc.blocks").glob("*-000-0000000-*.npz")]
+    assert sum(not name.endswith("-points.npz") for name in kept) == 3
     calls.clear()
 
     def told(stage, done, total):
@@ -142,14 +150,14 @@ def test_blocks_of_another_run_are_not_taken(tmp_path, weather_file, monkeypatch
 
     one, two = key_of("a", np.arange(3.0)), key_of("a", np.arange(1.0, 4.0))
     store = YearStore(tmp_path / "a.nc", one)
-    store.put(0, {"x": np.ones(3)})
-    assert store.has(0)
-    np.testing.assert_array_equal(store.get(0)["x"], np.ones(3))
-    assert not YearStore(tmp_path / "a.nc", two).has(0)
+    store.put("some", {"x": np.ones(3)})
+    assert store.has("some")
+    np.testing.assert_array_equal(store.get("some")["x"], np.ones(3))
+    assert not YearStore(tmp_path / "a.nc", two).has("some")
     blocked = tmp_path / ".b.nc.blocks"
     blocked.write_text("in the way")
     with pytest.raises(OutputError, match="cannot be written"):
-        YearStore(tmp_path / "b.nc", one).put(0, {"x": np.ones(3)})
+        YearStore(tmp_path / "b.nc", one).put("some", {"x": np.ones(3)})
 
 
 def test_states_are_solved_each(weather_file):
@@ -174,14 +182,14 @@ def test_which_parts_are_there():
         make_state("both", ["blind", "shade"], None),
         make_state("no wall", None, "room/w*"),
     ]
-    found = {state.name: absent_parts(states, state.name, paths) for state in states}
+    found = {state.name: absent_parts(states, [state.name], paths) for state in states}
     assert found == {"open": [1, 2], "blind": [2], "both": [], "no wall": [0, 1, 2]}
     with pytest.raises(InputError, match="'blnd': no part matches; nearest: room/blind"):
-        absent_parts([make_state("a", "blnd", None)], "a", paths)
+        absent_parts([make_state("a", "blnd", None)], ["a"], paths)
     with pytest.raises(InputError, match="both present and absent"):
-        absent_parts([make_state("a", "blind", "*d")], "a", paths)
+        absent_parts([make_state("a", "blind", "*d")], ["a"], paths)
     with pytest.raises(InputError, match="states: open"):
-        absent_parts(states[:1], "shut", paths)
+        absent_parts(states[:1], ["shut"], paths)
     for bad in ("", None, 3):
         with pytest.raises(InputError, match="must have a name"):
             make_state(bad, None, None)
@@ -325,6 +333,7 @@ def test_command(step_room, capsys):
         (["scene.toml", "--weather", "w.epw"], "w.epw: no such file"),
         (["scene.toml", "--weather", "w.epw", "--schedule", "8-6"], "like 08:00-18:00"),
         (["basis.toml", "--weather", "two_days.epw"], "basis = 'constant'"),
+        (["scene.toml", "--weather", "w.epw", "--electric", "ceiling"], "like ceiling=08:00-18:00"),
         (["scene.toml"], "--weather"),
     ],
 )
@@ -338,6 +347,39 @@ def test_bad_command(tmp_path, monkeypatch, capsys, words, message):
     told = capsys.readouterr().err.strip()
     assert message in told
     assert "\n" not in told
+
+
+def test_options_of_the_command_arrive(tmp_path, monkeypatch):
+    asked = {}
+
+    def simulated(scene, weather, **options):
+        asked.update(options)
+        raise InputError("enough")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("patchlight.pipeline.year_runs.simulate_year", simulated)
+    monkeypatch.setattr("patchlight.pipeline.scene_file.build_scene", lambda *a, **b: room())
+    (tmp_path / "room.step").write_text("")
+    scene = write(tmp_path, ROOM.format(more=""))
+    words = [
+        "year",
+        str(scene),
+        "--weather",
+        str(epw(tmp_path)),
+        "--memory",
+        "3",
+        "--sensors",
+        "desk",
+    ]
+    words += ["--electric", "ceiling=07:00-19:00", "--electric", "desk=lamps=always"]
+    words += ["--sun-day", "02-01", "--sun-above", "8", "--step-minutes", "30", "--threads", "1"]
+    assert main(words) == 2
+    assert asked.pop("progress") is not None and asked.pop("out").name == "annual.nc"
+    assert asked == {
+        "sensors": ("desk",), "accuracy": 0.01, "schedule": "08:00-18:00", "step_minutes": 30,
+        "electric": {"ceiling": "07:00-19:00", "desk=lamps": "always"}, "sun_day": "02-01",
+        "sun_above_deg": 8.0, "threads": 1, "memory_gb": 3.0,
+    }  # fmt: skip
 
 
 def test_no_light_comes_into_a_closed_room(weather_file):
@@ -396,10 +438,10 @@ def test_all_blocks_with_nothing_said_of_them(tmp_path, weather_file, monkeypatc
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(year_module.YearStore, "dataset", cut)
+        patch.setattr(year_store.YearStore, "dataset", cut)
         with pytest.raises(KeyboardInterrupt):
             simulate_year(room(), weather_file, sensors="view", accuracy=0.2, out=target)
-    monkeypatch.setattr(year_module, "_block", None)
+    monkeypatch.setattr(year_fill.Filler, "_solve", None)
     found = simulate_year(room(), weather_file, sensors="view", accuracy=0.2, out=target)
     assert found.attrs["sun_indirect_error"] > 0.0
     assert found.attrs["converged"] in (0, 1)

@@ -9,23 +9,32 @@ from patchlight.reports.autonomy import (
     useful_illuminance,
 )
 from patchlight.reports.en17037 import (
+    YearProvision,
     daylight_hours,
     highest,
     median_diffuse,
     provision_by_factor,
-    provision_by_year,
 )
 from patchlight.reports.green_credits import (
     OPTION_1,
     OPTION_2,
     USES,
+    Climate,
+    ClimateHours,
     average_share,
-    breeam_hours,
     equinox_steps,
     in_range,
     leed_points,
 )
-from patchlight.reports.lm83 import blinds_state, in_state, spatial_autonomy, sunlight_exposure
+from patchlight.reports.lm83 import (
+    blinds_states,
+    exposed_hours,
+    exposed_points,
+    group_rows,
+    in_states,
+    spatial_autonomy,
+    sunlight_exposure,
+)
 from patchlight.reports.sunlight import is_in_season, sunlight_hours, sunlight_level
 from patchlight.solver.errors import InputError
 
@@ -65,22 +74,36 @@ def test_useful_illuminance():
 
 
 def test_spatial_autonomy_and_its_operators():
-    assert spatial_autonomy(LIGHT, AREA, ALL) == 0.75
-    assert spatial_autonomy(LIGHT, AREA, ALL, level=">") == 0.0  # 300 lx are not more than 300 lx
-    assert spatial_autonomy(LIGHT, AREA, ALL, time=">") == 0.5  # half is not more than half
+    shares = daylight_autonomy(LIGHT, ALL)
+    assert spatial_autonomy(shares, AREA) == 0.75
+    assert spatial_autonomy(shares, AREA, time=">") == 0.5  # half is not more than half
+    # 300 lx are not more than 300 lx.
+    assert spatial_autonomy(daylight_autonomy(LIGHT, ALL, level=">"), AREA) == 0.0
+    assert np.isnan(spatial_autonomy(daylight_autonomy(LIGHT, ~ALL), AREA))
     with pytest.raises(InputError, match="operator '<'"):
-        spatial_autonomy(LIGHT, AREA, ALL, level="<")
+        daylight_autonomy(LIGHT, ALL, level="<")
 
 
 def test_sunlight_exposure_and_its_operators():
     sun = np.zeros((3, 300))
     sun[0, :250], sun[1, :251], sun[2, :] = 1001.0, 1001.0, 1000.0
     used = np.ones(300, bool)
-    assert sunlight_exposure(sun, AREA, used, 1.0) == 0.5
-    assert sunlight_exposure(sun, AREA, used, 1.0, time=">=") == 0.75
-    assert sunlight_exposure(sun, AREA, used, 1.0, level=">=", time=">=") == 1.0
-    assert sunlight_exposure(sun, AREA, used, 0.5) == 0.0  # of half an hour each
-    assert sunlight_exposure(sun, AREA, np.zeros(300, bool), 1.0) == 0.0
+    hours = exposed_hours(sun, used, 1.0)
+    assert hours.tolist() == [250.0, 251.0, 0.0]
+    assert sunlight_exposure(hours, AREA) == 0.5
+    assert sunlight_exposure(hours, AREA, time=">=") == 0.75
+    more = exposed_hours(sun, used, 1.0, level=">=")
+    assert sunlight_exposure(more, AREA, time=">=") == 1.0
+    assert sunlight_exposure(exposed_hours(sun, used, 0.5), AREA) == 0.0  # of half an hour each
+    assert sunlight_exposure(exposed_hours(sun, ~used, 1.0), AREA) == 0.0
+
+
+def chosen(sun, window_group=None):
+    """Rows of states in each step, of sun (k, m, n), the points looked at in two parts."""
+    groups = group_rows(window_group or [""] * len(sun))
+    parts = [exposed_points(sun[:, some], groups) for some in (slice(0, 40), slice(40, None))]
+    counts = [a + b for a, b in zip(*parts, strict=True)]
+    return blinds_states(counts, sun.shape[1], groups)
 
 
 def test_blinds_close_where_more_than_two_percent_are_exposed():
@@ -88,11 +111,35 @@ def test_blinds_close_where_more_than_two_percent_are_exposed():
     open_[:2, 1], open_[:3, 2], open_[:, 3] = 1001.0, 1001.0, 1000.0
     half, closed = open_.copy(), np.zeros((100, 4))
     half[:, 2] = 0.0
-    assert blinds_state(np.stack([open_, closed])).tolist() == [0, 0, 1, 0]
+    assert chosen(np.stack([open_, closed])).tolist() == [[0, 0, 1, 0]]
     stacked = np.stack([open_, np.full((100, 4), 2000.0), half])
-    assert blinds_state(stacked).tolist() == [0, 0, 2, 0]
+    assert chosen(stacked).tolist() == [[0, 0, 2, 0]]
     values = np.stack([np.full((2, 4), 1.0), np.full((2, 4), 2.0)])
-    np.testing.assert_array_equal(in_state(values, np.array([0, 1, 1, 0]))[1], [1, 2, 2, 1])
+    found = in_states(values, np.array([[0, 1, 1, 0]]))
+    np.testing.assert_array_equal(found[1], [1, 2, 2, 1])
+
+
+def test_blinds_of_each_window_group_close_by_the_sun_through_it():
+    """South sun in step 1, west sun in step 2, both in step 3, each on other points."""
+    south, west = np.zeros((2, 100, 4))
+    south[:10, [1, 3]], west[50:60, [2, 3]] = 3000.0, 3000.0
+    sun = np.stack([south + west, west, south])  # none closed, south closed, west closed
+    names = ["", "south", "west"]
+    assert [rows.tolist() for rows in group_rows(names)] == [[0, 1], [0, 2]]
+    states = chosen(sun, names)
+    assert states.tolist() == [[0, 1, 0, 1], [0, 0, 2, 2]]
+    np.testing.assert_array_equal(in_states(sun, states), np.zeros((100, 4)))
+    # Light through windows adds: 400 by one and 300 by the other, a tenth of it past blinds.
+    light = np.stack([np.full((100, 4), v) for v in (700.0, 340.0, 430.0)])
+    np.testing.assert_allclose(in_states(light, states)[0], [700.0, 340.0, 430.0, 70.0])
+
+
+def test_sun_that_blinds_let_through_closes_no_other_group():
+    """A point that gets 600 lx through each of two windows is too bright through none of them."""
+    each = np.full((100, 1), 600.0)
+    sun = np.stack([2.0 * each, each, each])
+    assert chosen(sun, ["", "south", "west"]).tolist() == [[0], [0]]
+    assert chosen(sun[:2]).tolist() == [[1]]
 
 
 def test_daylight_hours_are_half_a_year():
@@ -102,6 +149,14 @@ def test_daylight_hours_are_half_a_year():
     assert sky[counted].min() >= sky[~counted].max()
     assert median_diffuse(sky, 1.0) == 8.5  # 12 hours a day: 3 … 14
     assert daylight_hours(np.repeat(sky, 2), 0.5).sum() == 8760
+
+
+def provision_by_year(light, area, sky, step_h, order="hour-first", level_roof=False):
+    """The levels, half of the points being added at a time."""
+    year, half = YearProvision(sky, step_h), len(light) // 2
+    for some in (slice(0, half), slice(half, None)):
+        year.add(light[some], area[some])
+    return year.levels(order, level_roof=level_roof)
 
 
 def test_orders_of_en17037_differ():
@@ -160,11 +215,10 @@ def test_method_1_of_bratislava():
 
 
 def test_hours_of_sun():
+    """It shines from 120 W/m² on."""
     normal = np.array([0.0, 5000.0, 20000.0, 80000.0])
     sun = np.array([[0.0, 100.0, 100.0, 0.0], [0.0, 4000.0, 15000.0, 70000.0]])
-    np.testing.assert_array_equal(sunlight_hours(sun, normal, 0.5), [1.0, 1.5])
-    least = sunlight_hours(sun, normal, 1.0, least_share=0.1, least_normal_lx=11000.0)
-    np.testing.assert_array_equal(least, [0.0, 2.0])
+    np.testing.assert_array_equal(sunlight_hours(sun, normal, 0.5), [0.5, 1.0])
     assert [sunlight_level(h) for h in (1.4, 1.5, 3.0, 5.0)] == [None, "minimum", "medium", "high"]
     days = np.array(["2001-01-31", "2001-02-01", "2001-03-21", "2001-03-22"], "datetime64[h]")
     assert is_in_season(days).tolist() == [False, True, True, False]
@@ -194,19 +248,37 @@ def test_clearest_days_of_the_equinoxes():
         equinox_steps(times[2000:], sun[2000:], 60)
 
 
+def climate(light, area, use):
+    """The points being added one by one."""
+    hours = ClimateHours(1.0)
+    for k in range(len(light)):
+        hours.add(light[k : k + 1], area[k : k + 1])
+    return hours.of(USES[use])
+
+
 def test_breeam():
-    light = np.zeros((3, 8760))
-    light[:, :2000] = 400.0
-    light[2, :2000] = 90.0
-    mean, least, met = breeam_hours(light, AREA, 1.0, USES["office"])
-    assert (mean, least, met) == (2000.0, 2000.0, True)
-    assert not breeam_hours(light, AREA, 1.0, USES["retail"])[2]
-    light[2, 0] = 89.0
-    assert breeam_hours(light, AREA, 1.0, USES["office"])[1:] == (1999.0, False)
+    light = np.zeros((5, 8760))
+    light[:, :2000] = 600.0
+    light[4, :2000] = 90.0
+    area = np.ones(5)
+    assert climate(light, area, "office") == Climate(2000.0, 2000.0, 1.0, True)
+    assert not climate(light, area, "retail").met
+    light[4, 0] = 89.0  # the worst fifth of the area does not count
+    assert climate(light, area, "office") == Climate(2000.0, 2000.0, 0.8, True)
+    light[3, 0:2] = 89.0
+    found = climate(light, area, "office")
+    assert (found.least_h, found.share, found.met) == (1999.0, pytest.approx(0.6), False)
+    assert climate(light, area, "education_one_credit").met
+    # Of kitchens all of it does, also where the mean has more than it needs.
+    light[:, :3450] = 400.0
+    assert climate(light, area, "kitchen").met
+    light[0, 5] = 29.0
+    found = climate(light, area, "kitchen")
+    assert (found.mean_h, found.least_h, found.met) == (3450.0, 3449.0, False)
 
 
 def dataset(states=()):
-    """A year in which two grids get the same light at all times by day."""
+    """A year in which two grids get the same light at all times by day; of states half as much."""
     import xarray as xr
 
     times = np.datetime64("2001-01-01T00", "h") + np.arange(8760)
@@ -217,7 +289,9 @@ def dataset(states=()):
     dims = ("sensor", "time")
     if states:
         dims = ("state", *dims)
-        light, sun = np.stack([light, 0.5 * light]), np.stack([sun, 0.0 * sun])
+        dimmed = len(states) - 1
+        light = np.stack([light, *dimmed * [0.5 * light]])
+        sun = np.stack([sun, *dimmed * [0.0 * sun]])
     sky = np.where(day, 10_000.0, 0.0)
     return xr.Dataset(
         {
@@ -248,6 +322,11 @@ def test_rows_of_grids():
     assert found["far.EN17037_hour_first_level"] == "none"
     assert found["near.LEED_option_2_points"] == 3
     assert found["near.BREEAM_office"] == "met"
+    assert found["near.LEED_option_1_sun_to_be_explained"] == "yes"
+    assert found["far.LEED_option_1_sun_to_be_explained"] == "no"
+    # By area 4 of 5 m² are lit.
+    assert found["all grids.sDA300_50_pct"] == 80.0
+    assert found["all grids.LEED_option_1_points"] == 3
     assert found["far.DA300_mean_pct"] == 0.0
     assert found["far.UDI_supplementary_mean_pct"] == 100.0
 
@@ -259,6 +338,68 @@ def test_rows_with_blinds():
     assert found["near.blinds_not_in_first_state_pct"] == pytest.approx(10.0)
     assert found["near.ASE1000_250h_pct"] == 25.0  # with blinds open
     assert found["far.blinds_not_in_first_state_pct"] == 0.0
+
+
+def test_second_option_of_leed_is_without_blinds():
+    """With 2500 lx open and 200 lx behind blinds, which are down at all times."""
+    year = dataset(("open", "closed"))
+    year["illuminance"][:] = np.array([2500.0, 200.0])[:, None, None]
+    year["sun_illuminance"][0] = 2000.0
+    found = {row["id"]: row["value"] for row in year_rows(year)}
+    assert found["near.blinds_not_in_first_state_pct"] == 100.0
+    assert found["near.DA300_mean_pct"] == 0.0
+    assert found["near.LEED_option_2_pct"] == 100.0
+
+
+def test_rows_of_window_groups():
+    """Sun at noon through one window, in the first hour of use through the other."""
+    year = dataset(("all up", "south down", "east down"))
+    year = year.assign_coords(window_group=("state", ["", "south", "east"]))
+    hour = np.arange(8760) % 24
+    south, east = (np.where(hour == at, 2000.0, 0.0) for at in (12, 8))
+    for row, sun in enumerate((south + east, east, south)):
+        year["sun_illuminance"][row] = sun
+        year["illuminance"][row] = 100.0 + sun
+    found = {row["id"]: row["value"] for row in year_rows(year)}
+    for name in ("blinds_south", "blinds_east"):
+        assert found[f"near.{name}_not_in_first_state_pct"] == pytest.approx(10.0)
+    assert found["near.blinds_not_in_first_state_pct"] == pytest.approx(20.0)
+    assert found["near.E_mean_lx"] == pytest.approx(100.0)  # no sun ever gets in
+    assert found["near.ASE1000_250h_pct"] == 100.0  # but with blinds open
+
+
+def test_rows_do_not_depend_on_how_many_sensors_are_read_at_a_time(monkeypatch):
+    year = dataset(("open", "closed"))
+    whole = year_rows(year)
+    monkeypatch.setattr("patchlight.reports.year_tables.BLOCK", 1)
+    assert year_rows(year) == whole
+
+
+def test_rows_of_what_is_told_besides():
+    """Daylight factors, a day of sun, and electric light that burns half of the hours of use."""
+    year = dataset()
+    year["daylight_factor"] = "sensor", [0.04, 0.02, 0.0]
+    year["sunlight_hours"] = "sensor", [3.5, 1.0, 0.0]
+    year["lamps"] = "lamps", np.array(["ceiling"], dtype=object)
+    year["electric_illuminance"] = ("lamps", "sensor"), [[200.0, 200.0, 100.0]]
+    hour = np.arange(8760) % 24
+    year["electric_on"] = ("lamps", "time"), ((hour >= 8) & (hour < 13))[None]
+    year.attrs["sun_day"] = "03-21"
+    found = {row["id"]: row["value"] for row in year_rows(year)}
+    assert found["near.DF_mean_pct"] == pytest.approx((4.0 + 3 * 2.0) / 4)
+    # Of a median of 10 000 lx 2 % are 200 lx, 4 % are 400 lx.
+    assert found["near.EN17037_by_factor_minimum_target_pct"] == pytest.approx(25.0)
+    assert found["near.EN17037_by_factor_minimum_minimum_pct"] == pytest.approx(100.0)
+    assert found["near.EN17037_by_factor_level"] == "none"
+    assert found["near.EN17037_sunlight_03-21_level"] == "medium"
+    assert found["near.sunlight_03-21_mean_h"] == pytest.approx((3.5 + 3.0) / 4)
+    assert found["far.EN17037_sunlight_03-21_level"] == "none"
+    assert found["near.E_mean_lx"] == pytest.approx(400.0)
+    assert found["near.E_mean_with_electric_lx"] == pytest.approx(500.0)
+    assert found["far.E_mean_with_electric_lx"] == pytest.approx(250.0)
+    assert found["near.electric_ceiling_h"] == 5 * 365
+    year.attrs["sun_day"] = "06-21"
+    assert not any("EN17037_sunlight" in row["id"] for row in year_rows(year))
 
 
 def test_part_of_a_year_has_no_metrics_of_a_year():

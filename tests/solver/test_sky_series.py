@@ -7,8 +7,8 @@ from patchlight.solver.errors import InputError
 from patchlight.solver.model import PerezSky
 from patchlight.solver.perez import sky_illuminance, sun_of
 from patchlight.solver.skies import luminance
-from patchlight.solver.sky_series import SkySeries, nearness, resampled
-from patchlight.solver.sun_position import sun_positions
+from patchlight.solver.sky_series import SkySeries, resampled
+from patchlight.solver.sun_position import nearness, sun_positions
 
 from .fixtures_weather import weather
 

@@ -14,7 +14,7 @@ from patchlight.pipeline import (
     SensorGrid,
     simulate,
 )
-from patchlight.solver.coefficients import Coefficients
+from patchlight.solver.daylit import DaylitScene
 from patchlight.solver.dome_grid import dome_grid
 from patchlight.solver.errors import InputError
 from patchlight.solver.model.arrays import frozen
@@ -87,7 +87,7 @@ def skies(radiation=RADIATION, factor=1.0):
 def light_of(scene, series=None, accuracy=0.02):
     series = skies() if series is None else series
     suns = series.suns[series.sun_normal_lx > 0.0]
-    found = Coefficients.of(scene.freeze(), accuracy=accuracy, suns=suns)
+    found = DaylitScene.of(scene.freeze(), accuracy=accuracy).coefficients(suns=suns)
     return light_in_steps(found, series, np.arange(len(series)))
 
 
@@ -145,7 +145,7 @@ def test_each_step_is_a_simulation(kind, steps, accuracy):
 def plain():
     series = skies()
     suns = np.concatenate([series.suns[series.sun_normal_lx > 0.0], SUNS])
-    return Coefficients.of(room().freeze(), accuracy=0.02, suns=suns)
+    return DaylitScene.of(room().freeze(), accuracy=0.02).coefficients(suns=suns)
 
 
 def test_night_is_dark(plain):
@@ -196,11 +196,10 @@ def test_more_cells_change_little():
     """Direct light of the sky converges with the cells; the error falls with their square."""
     scene = room().freeze()
     series, steps = skies(), np.arange(4)
+    daylit = DaylitScene.of(scene, accuracy=0.05)
     levels = [
         light_in_steps(
-            Coefficients.of(scene, accuracy=0.05, sky_parts=parts, beam_parts=1, sun_parts=1),
-            series,
-            steps,
+            daylit.coefficients(sky_parts=parts, beam_parts=1, sun_parts=1), series, steps
         ).sky_direct
         for parts in (1, 2, 4, 8)
     ]
@@ -272,14 +271,40 @@ def test_open_directions_under_a_narrow_sky(ball):
 
 
 def test_sun_after_reflections_between_its_places(plain):
-    assert 0.0 < plain.sun_error(SUNS) < 0.08
-    assert plain.sun_error(np.empty((0, 3))) == 0.0
+    off, own = plain.sun_error(SUNS)
+    assert 0.0 < np.sqrt(off / own) < 0.08
+    assert plain.sun_error(np.empty((0, 3))) == (0.0, 0.0)
+
+
+def test_sensors_do_not_know_of_each_other():
+    """Coefficients of some sensors are those of all, but for which rays of beams matter."""
+    daylit = DaylitScene.of(room(color=True).freeze(), accuracy=0.2)
+    whole = daylit.coefficients(suns=SUNS)
+    for some in (slice(0, 5), slice(5, 12)):
+        found = daylit.coefficients(some, suns=SUNS)
+        np.testing.assert_array_equal(found.direct, whole.direct[some])
+        np.testing.assert_array_equal(found.ground, whole.ground[some])
+        # `beams.LEFT_OUT` of the light may come from surfaces left out, on either side.
+        np.testing.assert_allclose(
+            found.indirect.sum(axis=1), whole.indirect[some].sum(axis=1), rtol=1e-9
+        )
+        one, other = (c.sun_indirect(SUNS) for c in (found, whole))
+        np.testing.assert_allclose(one, other[some], atol=5e-3 * other.max())
+
+
+@pytest.mark.parametrize("glass", [False, True])
+def test_daylight_factors_are_those_of_a_simulation(glass):
+    scene = room(glass=glass)
+    found = DaylitScene.of(scene.freeze(), accuracy=0.02).coefficients(suns=SUNS)
+    scene.daylight_factor = True
+    grid = simulate(scene, accuracy=0.02).sensors["plane"]
+    np.testing.assert_allclose(found.daylight_factor(), grid.daylight.total, rtol=0.02)
 
 
 def test_gloss_is_said():
     scene = room()
     scene.assign("floor", Material(0.1, specular=0.2))
-    found = Coefficients.of(scene.freeze(), accuracy=0.2, suns=SUNS)
+    found = DaylitScene.of(scene.freeze(), accuracy=0.2)
     assert any("as if they were matt" in text for text in found.stages.warnings)
 
 
@@ -287,12 +312,12 @@ def test_what_is_not_known():
     scene = room()
     scene.assign("floor", Material(0.2, mirror=0.5))
     with pytest.raises(InputError, match="mirror = 0.5"):
-        Coefficients.of(scene.freeze())
+        DaylitScene.of(scene.freeze())
     scene = room(glass=True)
     scene.assign("pane", Glass(0.006, diffuse=0.5))
     with pytest.raises(InputError, match="diffuse = 0.5"):
-        Coefficients.of(scene.freeze())
+        DaylitScene.of(scene.freeze())
     scene = room()
     scene.grids.clear()
     with pytest.raises(InputError, match="no sensors"):
-        Coefficients.of(scene.freeze())
+        DaylitScene.of(scene.freeze())

@@ -1,0 +1,217 @@
+"""The light of a year, state by state and some sensors at a time, into a store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from patchlight.solver.model import SceneData, SensorResult
+from patchlight.solver.model.arrays import FloatArray
+
+from .year_store import CHUNK, Block, Piece, YearStore
+
+if TYPE_CHECKING:
+    from patchlight.solver.coefficients import Coefficients
+    from patchlight.solver.daylit import DaylitScene
+    from patchlight.solver.sky_series import SkySeries
+    from patchlight.solver.sun_day import SunDay
+
+Progress = Callable[[str, int, int], None]
+#: Steps of a piece.
+BLOCK = CHUNK[1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Filled:
+    """What is known of a year besides its steps; rows are states.
+
+    Attributes
+    ----------
+    pieces : list of Piece
+        All that the store has.
+    points : dict of (k, m) arrays
+        Values of each sensor.
+    electric : (k, g, m) array
+        Light of the groups of lamps that were asked for. [lx]
+    warnings : list of str
+        Of all states.
+    sun_indirect_error : float
+        Root mean square of the error of the sun's indirect light against its own, in the worst
+        state.
+    converged : bool
+        Whether all states reached the accuracy.
+    """
+
+    pieces: list[Piece]
+    points: dict[str, FloatArray]
+    electric: FloatArray
+    warnings: list[str]
+    sun_indirect_error: float
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Filler:
+    """Finds the light of a year.
+
+    Attributes
+    ----------
+    store : YearStore
+        Receives it, and may have some of it.
+    skies : SkySeries
+        Sky and sun of all steps.
+    day : SunDay
+        The day of which hours of sun are told.
+    lamps : tuple of str
+        Groups of lamps whose light is told, too.
+    accuracy : float
+        As of `DaylitScene.of`.
+    progress : callable or None
+        As of `simulate_year`.
+    """
+
+    store: YearStore
+    skies: SkySeries
+    day: SunDay
+    lamps: tuple[str, ...]
+    accuracy: float
+    progress: Progress | None
+
+    def fill(self, scenes: Mapping[str, SceneData]) -> Filled:
+        """All states, each solved once, and not at all where the store has all of it."""
+        found = [self._state(k, name, data) for k, (name, data) in enumerate(scenes.items())]
+        keys = found[0].points
+        return Filled(
+            pieces=[piece for one in found for piece in one.pieces],
+            points={key: np.concatenate([one.points[key] for one in found]) for key in keys},
+            electric=np.concatenate([one.electric for one in found]),
+            warnings=[text for one in found for text in one.warnings],
+            sun_indirect_error=max(one.sun_indirect_error for one in found),
+            converged=all(one.converged for one in found),
+        )
+
+    def _state(self, k: int, name: str, data: SceneData) -> Filled:
+        known = self.store.record(f"{k:03d}")
+        if known is None or not self._has_all(k, known):
+            known = self._solve(k, data)
+        pieces = self._pieces(k, known["edges"])
+        tables = [self.store.get(_points_of(k, piece.sensors)) for piece in _first_of(pieces)]
+        squares = np.sum([table.pop("sun_squares") for table in tables], axis=0)
+        points = {key: np.concatenate([table[key] for table in tables])[None] for key in tables[0]}
+        return Filled(
+            pieces=pieces,
+            points=points,
+            electric=self.store.get(f"{k:03d}-electric")["lux"][None],
+            warnings=[f"{name}: {text}" if name else text for text in known["warnings"]],
+            sun_indirect_error=float(np.sqrt(squares[0] / squares[1])) if squares[1] else 0.0,
+            converged=known["converged"],
+        )
+
+    def _has_all(self, k: int, known: Mapping[str, Any]) -> bool:
+        pieces = self._pieces(k, known["edges"])
+        names = [piece.name for piece in pieces]
+        names += [_points_of(k, piece.sensors) for piece in _first_of(pieces)]
+        return all(self.store.has(name) for name in [*names, f"{k:03d}-electric"])
+
+    def _pieces(self, k: int, edges: list[int]) -> list[Piece]:
+        """Those of one state, whose sensors are parted at ``edges``."""
+        n = len(self.skies)
+        return [
+            Piece(k, slice(first, last), slice(start, min(start + BLOCK, n)))
+            for first, last in zip(edges[:-1], edges[1:], strict=True)
+            for start in range(0, n, BLOCK)
+        ]
+
+    def _solve(self, k: int, data: SceneData) -> dict[str, Any]:
+        """Find what the store does not have of one state; returns what it is to know of that."""
+        from patchlight.solver.daylit import DaylitScene
+        from patchlight.solver.stages import Stages
+
+        stages = Stages(self.progress)
+        lux, also, reached = self._electric(data)
+        self.store.put(f"{k:03d}-electric", {"lux": lux})
+        daylit = DaylitScene.of(data, accuracy=self.accuracy, stages=stages)
+        edges = [*range(0, len(daylit), daylit.block), len(daylit)]
+        pieces = self._pieces(k, edges)
+        open_ = [piece for piece in pieces if not self.store.has(piece.name)]
+        done = 0
+        for one in _first_of(pieces):
+            own = [piece for piece in open_ if piece.sensors == one.sensors]
+            if own or not self.store.has(_points_of(k, one.sensors)):
+                self._some(daylit, k, one.sensors, own, (done, len(open_)))
+            done += len(own)
+        record = {
+            "edges": edges,
+            "warnings": list(dict.fromkeys([*stages.warnings, *also])),
+            "converged": daylit.converged and reached,
+        }
+        self.store.put_record(f"{k:03d}", record)
+        return record
+
+    def _some(
+        self, daylit: DaylitScene, k: int, some: slice, pieces: list[Piece], at: tuple[int, int]
+    ) -> None:
+        """Some sensors in all steps of ``pieces``."""
+        from patchlight.solver.year_light import light_in_steps
+
+        suns = self.skies.suns[self.skies.sun_normal_lx > 0.0]
+        found = daylit.coefficients(some, suns=suns)
+        self.store.put(_points_of(k, some), self._points(found, suns))
+        for done, piece in enumerate(pieces):
+            if self.progress is not None:
+                self.progress("year", at[0] + done, at[1])
+            steps = np.arange(piece.steps.start, piece.steps.stop)
+            light = light_in_steps(found, self.skies, steps)
+            parts = {"illuminance": light.total, "sun_illuminance": light.sun_direct}
+            self.store.put(
+                piece.name, {key: part.astype(np.float32) for key, part in parts.items()}
+            )
+
+    def _points(self, found: Coefficients, suns: FloatArray) -> Block:
+        """What is told of each sensor besides its steps."""
+        return {
+            "daylight_factor": found.daylight_factor(),
+            "sunlight_hours": self.day.hours(found.sun),
+            "sun_squares": np.array(found.sun_error(suns)),
+        }
+
+    def _electric(self, data: SceneData) -> tuple[FloatArray, list[str], bool]:
+        """Light (g, m) of the groups of lamps [lx], warnings, and whether it is accurate."""
+        sensors = sum(len(grid) for grid in data.sensors)
+        out = np.zeros((len(self.lamps), sensors))
+        if not any(lamp.group in self.lamps and lamp.flux_lm > 0.0 for lamp in data.luminaires):
+            return out, [], True
+        from patchlight.solver.simulation import solve
+
+        lamps = tuple(
+            lamp if lamp.group in self.lamps else replace(lamp, flux_lm=0.0)
+            for lamp in data.luminaires
+        )
+        scene = replace(
+            data, luminaires=lamps, sky=None, sun=None, ground=None, cameras=(),
+            daylight_factors=None,
+        )  # fmt: skip
+        result = solve(scene, accuracy=self.accuracy, progress=self.progress, cache=True)
+        for g, group in enumerate(self.lamps):
+            out[g] = np.concatenate([_light_of(grid, group) for grid in result.sensors.values()])
+        warnings = [f"electric light: {text}" for text in result.warnings]
+        return out, warnings, result.converged
+
+
+def _light_of(grid: SensorResult, group: str) -> FloatArray:
+    """Light (m,) of one group at the sensors of a grid. [lx]"""
+    names = (f"{group}.direct", f"{group}.indirect")
+    parts = [grid.components[name] for name in names if name in grid.components]
+    return np.asarray(sum(parts, np.zeros(len(grid.points))))
+
+
+def _first_of(pieces: list[Piece]) -> list[Piece]:
+    """One piece of each part of the sensors."""
+    return [piece for piece in pieces if piece.steps.start == 0]
+
+
+def _points_of(k: int, sensors: slice) -> str:
+    """Name of what is told of some sensors besides their steps."""
+    return f"{k:03d}-{sensors.start:07d}-points"

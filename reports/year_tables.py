@@ -1,0 +1,205 @@
+"""What metrics need of a year, point by point and step by step, from blocks of sensors.
+
+Light of all sensors in all steps may be more than memory holds: some sensors are read at a time,
+and only what does not grow with the steps is kept of them, or not with the sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from patchlight.solver.errors import InputError
+from patchlight.solver.model.arrays import FloatArray, IntArray
+
+from .autonomy import continuous_autonomy, daylight_autonomy, useful_illuminance
+from .en17037 import YearProvision
+from .green_credits import ClimateHours, equinox_steps
+from .lm83 import blinds_states, exposed_hours, exposed_points, group_rows, in_states
+from .sunlight import sunlight_hours
+
+if TYPE_CHECKING:
+    import xarray
+
+#: Sensors read at a time: those of a chunk of the file.
+BLOCK = 64
+_NEEDED = {"illuminance", "sun_illuminance", "grid", "area", "occupied"}
+
+
+@dataclass(slots=True, eq=False)
+class GridTable:
+    """One grid of m points in n steps.
+
+    Attributes
+    ----------
+    name : str
+        Of the grid.
+    rows : (m,) int array
+        Its sensors in the dataset.
+    area : (m,) array
+        Of each point. [m²]
+    states : (g, n) int array or None
+        State of each window group in each step, by LM-83, where there are some.
+    mean_lx, autonomy, continuous : (m,) array
+        Over the steps in which the building is used: mean, DA300, cDA300.
+    useful : (4, m) array
+        Shares of these steps in the bins of useful daylight illuminance.
+    exposed_h, sun_h : (m,) array
+        Hours of use with more than 1000 lx straight from the sun, and of sun in the year, with
+        blinds open. [h]
+    exposure_lx_h : (m,) array
+        Sum over all steps. [lx h]
+    equinox_lx : (m, 2) array or None
+        At 9 h and 15 h of clear days of the equinoxes, with blinds open; see `equinox_steps`.
+    with_lamps_lx : (m,) array or None
+        As ``mean_lx``, electric light included.
+    provision : YearProvision
+        Levels of EN 17037.
+    climate : ClimateHours
+        Hours of BREEAM.
+    """
+
+    name: str
+    rows: IntArray
+    area: FloatArray
+    states: IntArray | None
+    provision: YearProvision
+    climate: ClimateHours
+    mean_lx: FloatArray = field(init=False)
+    autonomy: FloatArray = field(init=False)
+    continuous: FloatArray = field(init=False)
+    useful: FloatArray = field(init=False)
+    exposed_h: FloatArray = field(init=False)
+    sun_h: FloatArray = field(init=False)
+    exposure_lx_h: FloatArray = field(init=False)
+    equinox_lx: FloatArray | None = None
+    with_lamps_lx: FloatArray | None = None
+
+
+def grid_tables(dataset: xarray.Dataset) -> list[GridTable]:
+    """Each grid of a dataset of `simulate_year`, blinds being as they are in every step.
+
+    Raises
+    ------
+    InputError
+        If it is no such dataset.
+    """
+    lacking = _NEEDED - set(dataset.variables)
+    if lacking:
+        raise InputError(f"dataset: lacks {', '.join(sorted(lacking))}: not of simulate_year")
+    names = np.asarray(dataset["grid"].values).astype(str)
+    return [
+        _table(dataset, name, np.flatnonzero(names == name))
+        for name in dict.fromkeys(names.tolist())
+    ]
+
+
+def window_groups(dataset: xarray.Dataset) -> list[str]:
+    """Window group that is not in its first state, of each state of the dataset."""
+    if "window_group" not in dataset.coords:
+        return [""] * dataset.sizes["state"]
+    return [str(name) for name in dataset["window_group"].values]
+
+
+def is_whole_year(dataset: xarray.Dataset) -> bool:
+    """Whether the steps make 365 or 366 days."""
+    minutes = dataset.sizes["time"] * int(dataset.attrs["step_minutes"])
+    return minutes in (365 * 1440, 366 * 1440)
+
+
+def _table(dataset: xarray.Dataset, name: str, rows: IntArray) -> GridTable:
+    occupied = np.asarray(dataset["occupied"].values, dtype=bool)
+    minutes = int(dataset.attrs["step_minutes"])
+    step_h = minutes / 60.0
+    sky, sun_normal = (
+        np.asarray(dataset[key].values, dtype=np.float64)
+        for key in ("sky_horizontal", "sun_normal")
+    )
+    equinox = None
+    if is_whole_year(dataset):
+        equinox = equinox_steps(np.asarray(dataset["clock"].values), sun_normal, minutes)
+    table = GridTable(
+        name,
+        rows,
+        np.asarray(dataset["area"].values, dtype=np.float64)[rows],
+        _states(dataset, rows),
+        YearProvision(sky, step_h),
+        ClimateHours(step_h),
+    )
+    parts: dict[str, list[FloatArray]] = {}
+    for some in _blocks(rows):
+        values, sun = _light(dataset, some)
+        light = values[0] if table.states is None else in_states(values, table.states)
+        area = table.area[np.searchsorted(rows, some)]
+        found = {
+            "mean_lx": _mean(light, occupied),
+            "autonomy": daylight_autonomy(light, occupied),
+            "continuous": continuous_autonomy(light, occupied),
+            "useful": useful_illuminance(light, occupied),
+            "exposed_h": exposed_hours(sun[0], occupied, step_h),
+            "sun_h": sunlight_hours(sun[0], sun_normal, step_h),
+            "exposure_lx_h": step_h * light.sum(axis=1, dtype=np.float64),
+        }
+        if equinox is not None:
+            # Of each hour the mean of both days, last axis the hour; no blinds, see LEED.
+            found["equinox_lx"] = values[0][:, equinox].mean(axis=1).T
+        if "electric_on" in dataset:
+            lamps = _electric(dataset, some, table.states)
+            found["with_lamps_lx"] = _mean(light + lamps, occupied)
+        table.provision.add(light, area)
+        table.climate.add(light, area)
+        for key, value in found.items():
+            parts.setdefault(key, []).append(value)
+    for key, values_of in parts.items():
+        setattr(table, key, np.concatenate(values_of, axis=-1))
+    if table.equinox_lx is not None:
+        table.equinox_lx = table.equinox_lx.T
+    return table
+
+
+def _blocks(rows: IntArray) -> Iterator[IntArray]:
+    for start in range(0, len(rows), BLOCK):
+        yield rows[start : start + BLOCK]
+
+
+def _light(dataset: xarray.Dataset, some: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Light, and that straight from the sun, (k, m, n) of some sensors in k states. [lx]"""
+    # As a slice, which files are read by much faster; grids lie one after the other.
+    whole = len(some) == some[-1] - some[0] + 1
+    block = dataset.isel(sensor=slice(some[0], some[-1] + 1) if whole else some)
+    found = [np.asarray(block[key].values) for key in ("illuminance", "sun_illuminance")]
+    light, sun = (values if values.ndim == 3 else values[None] for values in found)
+    return light, sun
+
+
+def _states(dataset: xarray.Dataset, rows: IntArray) -> IntArray | None:
+    """State of each window group in each step, by the sun at the points ``rows``; None of one."""
+    if "state" not in dataset["illuminance"].dims:
+        return None
+    groups = group_rows(window_groups(dataset))
+    exposed = [np.zeros((len(own), dataset.sizes["time"]), dtype=np.int64) for own in groups]
+    for some in _blocks(rows):
+        for total, found in zip(
+            exposed, exposed_points(_light(dataset, some)[1], groups), strict=True
+        ):
+            total += found
+    return blinds_states(exposed, len(rows), groups)
+
+
+def _electric(dataset: xarray.Dataset, some: IntArray, states: IntArray | None) -> FloatArray:
+    """Electric light (m, n) of some sensors in each step. [lx]"""
+    lux = np.asarray(dataset["electric_illuminance"].isel(sensor=some).values)
+    on = np.asarray(dataset["electric_on"].values, dtype=np.float64)
+    if states is None:
+        return np.asarray(lux.T @ on)
+    return in_states(np.stack([one.T @ on for one in lux]), states)
+
+
+def _mean(light: FloatArray, counted: NDArray[np.bool_]) -> FloatArray:
+    """Mean (m,) over the steps that count; not a number where none does."""
+    if not counted.any():
+        return np.full(len(light), np.nan)
+    return np.asarray(light[:, counted].mean(axis=1, dtype=np.float64))

@@ -1,0 +1,301 @@
+"""A scene solved under an even sky, from which daylight coefficients of its sensors are made.
+
+The scene is solved once, under a sky of luminance 1 cd/m² and the ground that belongs to it. That
+gives mesh, form factors, light of the ground, and what an even sky makes of light at every sensor,
+direct and after reflections, to the accuracy of a simulation. By direction that is parted, for some
+sensors at a time, as memory has room:
+
+* direct light of the sky by the directions open to each sensor (`open_sky`),
+* indirect light of sky and sun by beams (`beams`), scaled for each sensor to what the even sky
+  makes,
+* direct light of the sun not at all: its disc is looked for at each of its places (`sun_light`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .beams import Beams
+from .coefficients import Coefficients
+from .dome_grid import dome_grid
+from .errors import InputError
+from .field import FieldSolver
+from .model.arrays import FloatArray, IntArray
+from .model.optics import LUMINANCE_WEIGHTS
+from .model.result import luminous
+from .model.scene import SceneData
+from .model.sky import CIESky, Ground
+from .open_sky import OpenSky
+from .simulation import Options, Simulation, Solved
+from .solved_field import Field
+from .spectra import cct_to_rgb
+from .stages import Stages
+from .sun_light import SunLight
+
+#: Colour of sky and sun: as `PerezSky` and `Sun` have them. [K]
+SKY_CCT_K, SUN_CCT_K = 6500.0, 5500.0
+#: Cells that luminances are told at, by which beams come that make light of the sky, and of the
+#: sun, as `dome_grid` has them, and points for each unknown; the finer for accuracies below `FINE`.
+SKY_PARTS, BEAM_PARTS, SUN_PARTS, POINTS = (4, 8), (3, 4), (6, 8), (16, 36)
+FINE = 0.01
+#: Memory that the sensors done at a time may take. With less the rays of beams are cast more often:
+#: they do not know of sensors. Form factors of a mesh for which that matters took more while they
+#: were found. [B]
+BLOCK_BYTES = 1_000_000_000
+#: What a sensor takes for its cells, the finer ones, and for a block of steps. [B]
+OF_CELLS = 500_000
+#: Sensors done at a time, at least and a multiple of it: those of a chunk of a year's file.
+SENSORS = 64
+#: Name of the run, for what is kept of it.
+BESIDE = "year"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DaylitScene:
+    """A scene under an even sky, solved; sensors are those of all grids, one after the other.
+
+    Attributes
+    ----------
+    scene : SceneData
+        The scene under that sky.
+    run : Simulation
+        Its tolerances.
+    solver : FieldSolver
+        What solved it.
+    solved : Solved
+        Its light.
+    sky : OpenSky
+        What is open from anywhere.
+    stages : Stages
+        Times, counters and warnings.
+    converged : bool
+        Whether the accuracy was reached.
+    """
+
+    scene: SceneData
+    run: Simulation
+    solver: FieldSolver
+    solved: Solved
+    sky: OpenSky
+    stages: Stages
+    converged: bool
+
+    @classmethod
+    def of(
+        cls, scene: SceneData, *, accuracy: float = 0.02, stages: Stages | None = None
+    ) -> DaylitScene:
+        """Solve ``scene``.
+
+        Parameters
+        ----------
+        scene : SceneData
+            Its sky, sun and lamps do not count. Without a ground it gets ``Ground()``.
+        accuracy : float
+            As of `simulation.solve`; numbers of cells follow from it, too.
+
+        Raises
+        ------
+        InputError
+            For scenes without sensors, with mirrors, and with panes that diffuse.
+        """
+        check_scene(scene)
+        stages = Stages() if stages is None else stages
+        even = even_scene(scene)
+        run = Simulation(even, accuracy, "auto", stages, Options(cache=True, beside=BESIDE))
+        solver, kept = run.start()
+        solved = run.solved(solver, kept)
+        kept.tell()
+        converged = run.judge(solved)
+        if solver.highlights.any:
+            stages.warnings.append(
+                "glossy surfaces: through a year they reflect sky and sun as if they were matt"
+            )
+        # In a cavity of its own nothing hides anything from anything, but its wall the sky.
+        sky = OpenSky(even, solver.blockers, trace=solver.trace or solver.in_cavity)
+        return cls(even, run, solver, solved, sky, stages, converged)
+
+    def __len__(self) -> int:
+        return sum(len(grid) for grid in self.scene.sensors)
+
+    @property
+    def block(self) -> int:
+        """Sensors whose coefficients are found at a time."""
+        return block_of(len(self.solved.field.unknowns), self.solver.bands)
+
+    def coefficients(
+        self,
+        rows: slice | None = None,
+        *,
+        suns: FloatArray | None = None,
+        sky_parts: int | None = None,
+        beam_parts: int | None = None,
+        sun_parts: int | None = None,
+    ) -> Coefficients:
+        """Those of some sensors, all of them when not given.
+
+        Parameters
+        ----------
+        rows : slice, optional
+            Of the sensors.
+        suns : (k, 3) array, optional
+            Unit vectors to all places of the sun that will be asked for; any when not given.
+        sky_parts, beam_parts, sun_parts : int, optional
+            Numbers of cells as of `dome_grid`; they follow from the accuracy when not given.
+        """
+        some = np.arange(len(self))[slice(None) if rows is None else rows]
+        fine = int(self.run.budget.accuracy < FINE)
+        sky_grid = dome_grid(sky_parts or SKY_PARTS[fine])
+        beam_grid = dome_grid(beam_parts or BEAM_PARTS[fine])
+        sun_grid = dome_grid(sun_parts or SUN_PARTS[fine])
+        sensors, m = self.scene.sensors, len(some)
+        points = np.concatenate([grid.points for grid in sensors])[some]
+        normals = np.concatenate([grid.normals for grid in sensors])[some]
+        with self.stages.run("open sky"):
+            exact = self._at("sky.direct")[some]
+            direct = self.sky.seen(points, normals, sky_grid, exact).weights
+        with self.stages.run("weights of surfaces"):
+            beams = self._beams(some, POINTS[fine])
+        with self.stages.run("beams of the sky") as tell:
+            by_sky = beams.of_sky(m).coefficients(beam_grid.directions, tell)
+        with self.stages.run("beams of the sun") as tell:
+            by_sun = np.full((m, len(sun_grid)), np.nan)
+            cells = np.arange(len(sun_grid))
+            if suns is not None:
+                cells = np.unique(sun_grid.between(suns)[0])
+            of_sun = beams.of_sun(m)
+            by_sun[:, cells] = of_sun.coefficients(sun_grid.directions[cells], tell)
+        # Of each cell of the sky, beams from its middle: linear between those that were looked at.
+        found = beam_grid.interpolated(by_sky, sky_grid.directions) * sky_grid.solid_angle
+        told, indirect = found.sum(axis=1), self._at("sky.indirect")[some]
+        scale = np.where(told > 0.0, indirect / np.where(told > 0.0, told, 1.0), 1.0)
+        # There are π lx on the ground in the solve.
+        ground = self._at("ground.direct") + self._at("ground.indirect")
+        return Coefficients(
+            sky_grid=sky_grid,
+            sun_grid=sun_grid,
+            direct=direct,
+            indirect=scale[:, None] * found,
+            beams=scale[:, None] * by_sun,
+            ground=ground[some] / math.pi,
+            sun=SunLight(self.sky, self.run.budget, points, normals),
+            exact_beams=of_sun,
+            beam_scale=scale,
+        )
+
+    def _at(self, name: str) -> FloatArray:
+        """One component (m,) at the sensors of all grids. [lx]"""
+        parts = [
+            grid.components.get(name, np.zeros(len(grid.points)))
+            for grid in self.solved.sensors.values()
+        ]
+        return np.concatenate(parts)
+
+    def _beams(self, some: IntArray, points: int) -> Beams:
+        """What beams on the surfaces matter for some sensors."""
+        field = self.solved.field
+        element, node, side = _nodes_of(field)
+        return Beams.of(
+            field.surfaces.elements,
+            element,
+            node,
+            side,
+            self._importance(some),
+            _under_sky(field),
+            self.sky,
+            points,
+        )
+
+    def _importance(self, some: IntArray) -> FloatArray:
+        """What illuminance of each unknown adds to that of each of some sensors (c, N).
+
+        In scenes with colours there are two rows of sensors, for the colour of sky and of sun.
+        """
+        field, unknowns = self.solved.field, self.solved.field.unknowns
+        parts, first = [], 0
+        for seen in self.solved.seen:
+            count = len(seen.rows.factors)
+            own = some[(some >= first) & (some < first + count)] - first
+            first += count
+            if not len(own):
+                continue
+            rows, asked = seen.rows, replace(seen.asked, sources=field.every)
+            if len(own) < count:
+                rows, asked = rows.take(own), asked.taken(own)
+            factors = self.solver.kept.factors(unknowns, rows, asked)
+            parts.append(field.system.importance(factors))
+        weights = np.concatenate(parts)  # (m, N, b)
+        weights *= field.system.reflectance
+        if weights.shape[2] == 1:
+            return weights[..., 0]
+        lum = np.array(LUMINANCE_WEIGHTS)
+        colors = [lum * cct_to_rgb(cct) for cct in (SKY_CCT_K, SUN_CCT_K)]
+        return np.concatenate([weights @ color for color in colors])
+
+
+def block_of(unknowns: int, bands: int) -> int:
+    """Sensors done at a time, where light is told by so many unknowns; a multiple of `SENSORS`."""
+    return SENSORS * max(1, BLOCK_BYTES // (SENSORS * bytes_of_sensor(unknowns, bands)))
+
+
+def bytes_of_sensor(unknowns: int, bands: int) -> int:
+    """Memory that a sensor takes while its coefficients are found, and used. [B]
+
+    Weights as they are found, in all bands together and apart, and in the colours of light; and
+    what cells and a block of steps take.
+    """
+    return 8 * unknowns * (2 + 4 * bands) + OF_CELLS
+
+
+def even_scene(scene: SceneData) -> SceneData:
+    """The scene under a sky of luminance 1 cd/m², its lamps dark."""
+    return replace(
+        scene,
+        sky=CIESky(5, zenith_luminance_cd_m2=1.0, cct_k=SKY_CCT_K),
+        sun=None,
+        ground=Ground() if scene.ground is None else scene.ground,
+        cameras=(),
+        luminaires=(),
+        luminaire_index=np.full_like(scene.luminaire_index, -1),
+        daylight_factors=None,
+    )
+
+
+def check_scene(scene: SceneData) -> None:
+    """Raise `InputError` for what daylight coefficients do not know."""
+    if not scene.sensors:
+        raise InputError("year: the scene has no sensors; give a grid")
+    used = {int(i) for i in np.unique(scene.material_index) if i >= 0}
+    for i in sorted(used):
+        material = scene.materials[i]
+        if np.any(material.mirror_bands > 0.0):
+            raise InputError(
+                f"year: material {material.name or i + 1!r} has mirror = {material.mirror}: "
+                "mirrors are not done through a year; give it specular or reflectance instead"
+            )
+    for glazing in scene.glazings:
+        if glazing.glass.diffuse > 0.0:
+            raise InputError(
+                f"year: glass with diffuse = {glazing.glass.diffuse:g}: panes that scatter are not "
+                "done through a year; must be 0"
+            )
+
+
+def _under_sky(field: Field) -> FloatArray:
+    """Illuminance (N,) of the unknowns straight from the sky. [lx]"""
+    found = field.arriving.components.get("sky.direct")
+    return np.zeros(len(field.unknowns)) if found is None else luminous(found)
+
+
+def _nodes_of(field: Field) -> tuple[IntArray, IntArray, int]:
+    """Element (N,) of each unknown, which of its nodes it is, and how many a direction there are.
+
+    Where light is even on elements, each is an unknown as a whole.
+    """
+    unknowns, elements = field.unknowns, field.surfaces.elements
+    if unknowns.basis is None:
+        return unknowns.element, np.zeros(len(unknowns), dtype=np.int64), 1
+    element, node = np.nonzero((elements.weights > 0.0) & ~elements.buried)
+    return element, node, math.isqrt(elements.weights.shape[1])
