@@ -145,7 +145,16 @@ class Coefficients:
         normals = np.concatenate([grid.normals for grid in scene.sensors])
         with stages.run("open sky"):
             exact = _at_sensors(solved, "sky.direct")
-            direct = sky.seen(points, normals, sky_grid, exact).weights
+            seen = sky.seen(points, normals, sky_grid, exact)
+            stages.count({"sky_sectors_by_rays": int(seen.by_rays.sum())})
+            stages.figures["open_sky_scaled"] = seen.scaled
+            if seen.scaled > accuracy:
+                stages.warnings.append(
+                    "directions open to the sensors were found to "
+                    f"{seen.scaled:.2g} of the light of an even sky (root mean square), accuracy "
+                    f"{accuracy:g}: they were scaled to it, but skies with a bright part are off "
+                    "by as much"
+                )
         with stages.run("beams"):
             weights = _importance(solver, solved)
             field = solved.field
@@ -175,7 +184,7 @@ class Coefficients:
         return cls(
             sky_grid=sky_grid,
             sun_grid=sun_grid,
-            direct=direct,
+            direct=seen.weights,
             indirect=scale[:, None] * found,
             beams=scale[:, None] * by_sun,
             ground=_ground(solved),

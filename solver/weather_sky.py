@@ -1,28 +1,23 @@
-"""The sky and the sun of one moment of a weather file.
-
-.. [1] J. W. Spencer, "Fourier series representation of the position of the sun", Search 2(5), 1971,
-   p. 172.
-"""
+"""The sky and the sun of one moment of a weather file."""
 
 from __future__ import annotations
 
 import datetime
 import math
 
-import numpy as np
-
 from .clock import universal_time
 from .errors import InputError
 from .model.sky import PerezSky, Sun
 from .model.weather import Weather
 from .perez import sun_of
-from .sun_position import sun_positions
+from .sky_series import nearness, suns_in
 
 
 def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, Sun, str]:
     """Sky and sun of the step of ``weather`` in which ``time`` lies, and that step in words.
 
-    Radiation is the mean over a step, and the sun stands as it does in its middle.
+    Radiation is the mean over a step, and the sun stands as it does in its middle; where it rises
+    or sets meanwhile, in the middle of the part in which it is up.
 
     Parameters
     ----------
@@ -58,8 +53,10 @@ def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, S
             f"{last:%m-%d %H:%M}"
         )
     begin = weather.starts[step].astype("datetime64[s]").item()
-    altitude, azimuth = sun_positions(weather.site, weather.middles_utc[step : step + 1])
+    altitude, azimuth, part = suns_in(weather, [step])
     told = f"step of {weather.step_minutes} min from {begin:%m-%d %H:%M} local standard time"
+    if 0.0 < part[0] < 1.0:
+        told += f", the sun being up for {part[0]:.0%} of it"
     diffuse = float(weather.diffuse_horizontal_w_m2[step])
     if altitude[0] <= 0.0 or not diffuse > 0.0:
         raise InputError(
@@ -72,18 +69,10 @@ def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, S
         diffuse_horizontal_w_m2=diffuse,
         sun_altitude_deg=float(altitude[0]),
         sun_azimuth_deg=float(azimuth[0]),
-        sun_nearness=sun_nearness(begin),
+        sun_nearness=float(nearness(weather.starts[step : step + 1])[0]),
         **({} if math.isnan(dew) else {"dew_point_c": min(max(dew, -90.0), 40.0)}),
     )
     return sky, sun_of(sky), told
-
-
-def sun_nearness(day: datetime.datetime) -> float:
-    """Square of the mean distance of the sun over its distance. [1]"""
-    turn = 2.0 * math.pi * (day.timetuple().tm_yday - 1) / 365.0
-    c, s = np.cos([turn, 2.0 * turn]), np.sin([turn, 2.0 * turn])
-    wave = c @ np.array([0.034221, 0.000719]) + s @ np.array([0.00128, 0.000077])
-    return float(1.00011 + wave)
 
 
 def _parsed(text: str) -> datetime.datetime:
