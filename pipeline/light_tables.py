@@ -124,6 +124,8 @@ class SunTable(Table):
     """That which [sky] tells when none is given: of model perez, or with estimated = true. [lx]"""
     angular_radius_arcmin: Number = 16.0
     cct_k: Number = 5500.0
+    limb_darkening: StrictBool = False
+    """Whether the disc is darker towards its rim, as the sun is at 550 nm."""
 
     def build(self) -> None:
         """Nothing yet: the place stands in [site], and the level may stand in [sky]."""
