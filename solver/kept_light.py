@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from .direct_light import DirectLight, lamp_boxes, lamp_exitances
+import numpy as np
+
+from .direct_light import DirectLight, lamp_boxes, lamp_exitances, sun_numbers
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
@@ -25,20 +27,21 @@ class KeptLight:
 
     Attributes
     ----------
-    exitances : (k,) array
-        Of the pieces of lamps that the light comes from. [lm/m²]
+    shining : (k,) array
+        Exitances of the pieces of lamps that the light comes from [lm/m²], and the sun.
     """
 
     def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool, kept: Kept) -> None:
         self.scene, self.blockers, self.trace, self.kept = scene, blockers, trace, kept
-        self.exitances = lamp_exitances(scene, lamp_boxes(scene))
-        self._lamps = scene.luminaire_index, self.exitances
+        lamps = lamp_exitances(scene, lamp_boxes(scene))
+        self.shining = np.concatenate([lamps, sun_numbers(scene)])
+        self._lamps = scene.luminaire_index, self.shining
         self._light: DirectLight | None = None
 
     def at(
         self, points: FloatArray, normals: FloatArray, patches: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Illuminance [lx] and nearness [1/m] of lamps at points (m, 3) on ``patches`` (m,)."""
+        """Illuminance [lx] and nearness [1/m] at points (m, 3) on ``patches`` (m,)."""
 
         def find() -> tuple[FloatArray, FloatArray]:
             if self._light is None:

@@ -27,7 +27,7 @@ from .errors import NumericsError
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
-from .model.bezier import gauss_rule
+from .model.bezier import gauss_rule, surface_points
 from .model.sky import Sun, direction
 from .outside_light import curved_sides
 from .surfaces import Receivers
@@ -44,6 +44,8 @@ _EVEN = 2.5e-4
 _LEVELS = (4, 10)
 #: Height of a corner over the line of its neighbours, against their distance, that is none.
 _STRAIGHT = 1e-9
+#: Cosine below 1 up to which normals are the same: an angle of 0.08 degrees.
+_BEND = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +80,7 @@ class DiscLight:
 
     def __init__(self, blockers: Blockers, *, trace: bool) -> None:
         self.blockers, self.trace = blockers, trace
-        self.straight = straight_sided(blockers)
+        self.straight, self.smooth = straight_sided(blockers), smooth_sides(blockers)
 
     def on(self, receivers: Receivers, sun: Sun, share: float) -> SeenDisc:
         """Mean light of ``sun`` over the nodes of receivers; see `at`."""
@@ -127,7 +129,9 @@ class DiscLight:
             if len(left):
                 more, parts = np.zeros((len(left), 2)), np.zeros(len(left), dtype=np.int64)
                 places = writable(points[left]), writable(normals[left])
-                disc_cell_rows(*places, toward, radius, self.blockers, _levels(share), more, parts)
+                disc_cell_rows(
+                    *places, toward, radius, self.blockers, self.smooth, _levels(share), more, parts
+                )
                 found[left, 0] = more[:, 0]
                 variance[left] += weight**2 * more[:, 1]
                 counters["sun_past_curves"] = max(counters["sun_past_curves"], len(left))
@@ -179,3 +183,20 @@ def straight_sided(blockers: Blockers) -> NDArray[np.bool_]:
     high = (turn >= -_STRAIGHT * size).all(axis=1) | (turn <= _STRAIGHT * size).all(axis=1)
     flat = blockers.flags & PLANAR != 0
     return np.ascontiguousarray(flat & ~curved_sides(blockers.nets).any(axis=1) & high)
+
+
+def smooth_sides(blockers: Blockers) -> NDArray[np.bool_]:
+    """Across which sides (p, 4) patches go on without a bend, as far as their middles tell."""
+    u, v = np.array([[0.5, 1.0, 0.5, 0.0], [0.0, 0.5, 1.0, 0.5]])
+    count = len(blockers.nets)
+    at = (np.broadcast_to(a, (count, 4)) for a in (u, v))
+    points, su, sv = surface_points(blockers.nets, *at)
+    normals = np.cross(su, sv)
+    normals /= np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None]
+    other = np.maximum(blockers.adjacent, 0)
+    away = np.linalg.norm(points[other] - points[:, :, None], axis=3)
+    near = away.argmin(axis=2)
+    along = np.take_along_axis(normals[other], near[..., None, None], axis=2)[:, :, 0]
+    bend = 1.0 - np.einsum("pkx,pkx->pk", along, normals)
+    meet = away.min(axis=2) <= _STRAIGHT * np.abs(points).max(initial=0.0)
+    return np.ascontiguousarray((blockers.adjacent >= 0) & meet & (bend < _BEND))

@@ -43,6 +43,8 @@ _LEFT_OF_BEND = 0.05
 _TOUCH = 1e-11
 #: How often a blocker is quartered, or its side halved, to tell where its outline passes.
 _QUARTERINGS = 8
+#: How steeply what lies on the receiver's own surface may rise, over how high the disc stands.
+_RISE = 1e-3
 #: From which side a blocker is seen; and that its outline may pass.
 OUT, IN, EDGE = 1, 2, 4
 #: Steps of a sequence of evenly spread points: powers of the root of x³ = x + 1, inverted.
@@ -302,10 +304,12 @@ def _edge_outside(planes, s, side, edge):
 
 
 @kernel
-def _sides_within(planes, s, closed, rounding, parts):
+def _sides_within(planes, s, closed, n, rise, rounding, parts):
     """Sides from which what meets a pyramid of a blocker ``s`` is seen: `OUT`, `IN`, and `EDGE`.
 
     The last is said where its outline may pass. Of closed surfaces the inner side hides nothing.
+    About a receiver on the blocker, it is seen from neither side however often it is quartered:
+    what rises above the receiver's horizon by less than ``rise`` of its distance is left out.
     """
     cone = np.empty(4)
     room = parts.shape[0] - 2
@@ -325,6 +329,15 @@ def _sides_within(planes, s, closed, rounding, parts):
             elif not closed:
                 seen |= IN
             continue
+        high = far = 0.0
+        for i in range(4):
+            for j in range(4):
+                x, y, z = parts[top, i, j, 0], parts[top, i, j, 1], parts[top, i, j, 2]
+                w = parts[top, i, j, 3]
+                high = max(high, (n[0] * x + n[1] * y + n[2] * z) / w)
+                far = max(far, (x * x + y * y + z * z) / (w * w))
+        if high <= rise * math.sqrt(far):
+            continue
         deep = level[top]
         if deep == _QUARTERINGS:
             return seen | EDGE
@@ -338,18 +351,21 @@ def _sides_within(planes, s, closed, rounding, parts):
 
 
 @kernel
-def _list_hiding(disc, parent, parent_count, mine, n, rounding, blockers, shifted, state, x):
+def _list_hiding(
+    disc, parent, parent_count, mine, n, rounding, blockers, smooth, shifted, state, x
+):
     """List in ``mine`` what may hide a square whose pyramid stands in ``disc``.
 
     Returns how many there are, and how many shadow edges may meet it; −1 for these where it is
     dark. A solid without one in the pyramid covers it or leaves it free.
     """
     planes, sides = disc.planes, disc.sides
+    rise = _RISE * max(disc.horizons[0, 0] - disc.radius, 0.0)
     for m in range(parent_count):
         b = parent[m]
         if state[b] == MIXED:
             closed = blockers.closed[b]
-            sides[b] = _sides_within(planes, shifted[b], closed, rounding, disc.parts)
+            sides[b] = _sides_within(planes, shifted[b], closed, n, rise, rounding, disc.parts)
         elif outside_pyramid(planes, shifted[b]):
             sides[b] = 0
         else:
@@ -379,9 +395,12 @@ def _list_hiding(disc, parent, parent_count, mine, n, rounding, blockers, shifte
             own += 1
         for k in range(4):
             other = blockers.adjacent[b, k]
-            # Across it the surface goes on, seen from the same side.
-            if other >= 0 and state[other] != NO_BLOCKER and sides[other] == sides[b]:
-                if sides[b] == OUT or sides[b] == IN:
+            if other >= 0 and state[other] != NO_BLOCKER:
+                # Across it the surface goes on, seen from the same side; or what is seen of the
+                # other from outside lies elsewhere, so that this is seen from behind there too.
+                if sides[other] == sides[b] and (sides[b] == OUT or sides[b] == IN):
+                    continue
+                if smooth[b, k] and sides[other] == 0 and blockers.closed[b]:
                     continue
             if not _edge_outside(planes, shifted[b], k, disc.edge):
                 own += 1
@@ -423,7 +442,9 @@ def _beside(x0, y0, side, radius):
 
 
 @kernel
-def _disc_light(disc, n, rounding, blockers, shifted, state, listed, count, origin, moments, out):
+def _disc_light(
+    disc, n, rounding, blockers, smooth, shifted, state, listed, count, origin, moments, out
+):
     """Light of a disc of 1 lx facing it, and the square of what may be wrong, into ``out``."""
     radius, deepest = disc.radius, disc.lists.shape[0] - 1
     whole = math.pi * radius * radius
@@ -442,13 +463,13 @@ def _disc_light(disc, n, rounding, blockers, shifted, state, listed, count, orig
         mine = disc.lists[level]
         if level == 0:
             some, loose = _list_hiding(
-                disc, listed, count, mine, n, rounding, blockers, shifted, state, origin
+                disc, listed, count, mine, n, rounding, blockers, smooth, shifted, state, origin
             )
         else:
             before = disc.lists[level - 1]
             some, loose = _list_hiding(
-                disc, before, before[before.shape[0] - 1], mine, n, rounding, blockers, shifted,
-                state, origin,
+                disc, before, before[before.shape[0] - 1], mine, n, rounding, blockers, smooth,
+                shifted, state, origin,
             )  # fmt: skip
         if loose < 0:
             continue
@@ -489,7 +510,7 @@ def _disc_light(disc, n, rounding, blockers, shifted, state, listed, count, orig
 
 
 @kernel
-def _one(disc, x, n, sun, blockers, out):
+def _one(disc, x, n, sun, blockers, smooth, out):
     """Light of the disc on one receiver; see `disc_cell_rows`."""
     axes, horizons, p = disc.axes, disc.horizons, blockers.nets.shape[0]
     shifted, state = np.empty((p, 4, 4, 4)), np.zeros(p, dtype=np.int64)
@@ -523,11 +544,13 @@ def _one(disc, x, n, sun, blockers, out):
                 continue
         listed[count] = b
         count += 1
-    return _disc_light(disc, n, rounding, blockers, shifted, state, listed, count, x, moments, out)
+    return _disc_light(
+        disc, n, rounding, blockers, smooth, shifted, state, listed, count, x, moments, out
+    )
 
 
 @parallel
-def disc_cell_rows(nodes, normals, sun, radius, blockers, levels, out, counters):
+def disc_cell_rows(nodes, normals, sun, radius, blockers, smooth, levels, out, counters):
     """Light of the sun's disc on m receivers, by 1 lx on a plane facing it.
 
     Parameters
@@ -540,6 +563,8 @@ def disc_cell_rows(nodes, normals, sun, radius, blockers, levels, out, counters)
         Tangent of its angular radius.
     blockers : Blockers
         What hides.
+    smooth : (p, 4) bool array
+        Across which sides its patches go on without a bend.
     levels : int
         How often the square about the disc is quartered at most.
     out : (m, 2) array
@@ -549,4 +574,4 @@ def disc_cell_rows(nodes, normals, sun, radius, blockers, levels, out, counters)
     """
     for i in nb.prange(nodes.shape[0]):
         disc = make_disc(blockers.nets.shape[0], levels, radius)
-        counters[i] = _one(disc, nodes[i], normals[i], sun, blockers, out[i])
+        counters[i] = _one(disc, nodes[i], normals[i], sun, blockers, smooth, out[i])
