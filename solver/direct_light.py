@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .emission import Emission
@@ -20,6 +22,8 @@ EPS = 1e-2
 PAIRS = 2_000_000
 #: Share of a point's light below which it is not asked whether a lamp is in sight.
 FAINT = 0.02
+#: Rays that tell how much of what a surface reflects meets anything.
+REFLECTED = 24
 #: Distance above a surface from which rays start, relative to the scene's size, and the share of
 #: their way after which they have reached the lamp.
 LIFT, REACHED = 1e-5, 0.999
@@ -108,6 +112,25 @@ class DirectLight:
                 light[some], nearness[some] = self._at(points[some], normals[some], patches[some])
             light[some] += self._of_sun(points[some], normals[some])
         return light, nearness
+
+    def stays(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Share (m,) of what surfaces reflect at points (m, 3) that meets anything.
+
+        Told by some rays where there is a sun, which shines mostly outdoors; else 1.
+        """
+        if self._caster is None or not len(self._sun):
+            return np.ones(len(points))
+        k = np.arange(REFLECTED)
+        out, up = np.sqrt((k + 0.5) / REFLECTED), np.sqrt(1.0 - (k + 0.5) / REFLECTED)
+        turn = math.pi * (3.0 - math.sqrt(5.0)) * k
+        helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+        e1 = np.cross(helper, normals)
+        e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+        e2 = np.cross(normals, e1)
+        start, met = points + self._lift * normals, np.zeros(len(points))
+        for x, y, z in zip(out * np.cos(turn), out * np.sin(turn), up, strict=True):
+            met += self._caster.any_hit(start, x * e1 + y * e2 + z * normals)
+        return met / REFLECTED
 
     def _of_sun(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """Illuminance (m,) of the sun's middle."""

@@ -15,6 +15,7 @@ from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import Sky, Sun
+from .open_sky import OpenSky
 from .outside_light import Horizon, OutsideLight
 from .pane_dome import Daylight
 from .pane_field import PaneField
@@ -24,6 +25,7 @@ from .skies import ground_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
 from .sun_disc import DiscLight, SeenDisc
+from .sun_means import put_sun_means
 from .surfaces import Receivers, Surfaces
 from .uneven import UnevenField
 from .unknowns import Unknowns
@@ -118,6 +120,7 @@ class Incidence:
         self.uneven = UnevenField(scene, blockers, panes, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
         self.disc = DiscLight(blockers, trace=trace)
+        self._open: OpenSky | None = None
 
     def on(
         self,
@@ -136,6 +139,16 @@ class Incidence:
         if scanned is not None and not self.panes.any:
             scanned = self._known_outside(asked, scanned, sees_out)
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
+        sun, found = self.scene.sun, light.direct.get("sun")
+        if sun is not None and found is not None and self.trace and found.any():
+            with self.stages.run("sun"):
+                color = np.ones(1) if self.bands == 1 else cct_to_rgb(sun.cct_k)
+                if self._open is None:
+                    self._open = OpenSky(self.scene, self.blockers, trace=self.trace)
+                count = put_sun_means(
+                    found, light.variance, sun, color, surfaces.elements, unknowns, self._open
+                )
+                self.stages.count({"sun_means": count})
         self.add_lamps(light, asked, rows, surfaces, areas=unknowns.areas)
         return light
 

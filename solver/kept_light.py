@@ -44,8 +44,18 @@ class KeptLight:
         """Illuminance [lx] and nearness [1/m] at points (m, 3) on ``patches`` (m,)."""
 
         def find() -> tuple[FloatArray, FloatArray]:
-            if self._light is None:
-                self._light = DirectLight(self.scene, self.blockers, trace=self.trace)
-            return self._light.at(points, normals, patches)
+            return self._made.at(points, normals, patches)
 
         return self.kept.find("direct light", (self._lamps, points, normals, patches), find)
+
+    def stays(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """See `DirectLight.stays`."""
+        if not len(sun_numbers(self.scene)):
+            return np.ones(len(points))
+        return self._made.stays(points, normals)
+
+    @property
+    def _made(self) -> DirectLight:
+        if self._light is None:
+            self._light = DirectLight(self.scene, self.blockers, trace=self.trace)
+        return self._light
