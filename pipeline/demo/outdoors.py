@@ -72,7 +72,7 @@ modelled = true
 [[sensors]]
 name = "terrain"
 parts = "terrain"
-spacing_m = 2.7
+spacing_m = 3.0
 
 [[sensors]]
 name = "eye level"
@@ -82,8 +82,8 @@ spacing_m = 2.4
 
 [[cameras]]
 name = "slope"
-eye_m = [-5.0, -6.5, 9.0]
-target_m = [1.3, -0.5, 0.2]
+eye_m = [-4.2, -5.6, 10.5]
+target_m = [1.3, -0.2, 0.8]
 fov_deg = 42
 size = [800, 500]
 

@@ -240,6 +240,20 @@ def test_weather_of_scene_files(folder, sky):
     assert alone["sun_altitude_deg"] == found["sun_altitude_deg"]
 
 
+def test_limb_of_the_sun_in_scene_files(folder):
+    text = HEAD + "[sun]\naltitude_deg = 30\nazimuth_deg = 180\nnormal_illuminance_lx = 1000\n"
+    assert not load_scene(write(folder, text)).sun.limb_darkening
+    text += "limb_darkening = true\n"
+    scene = load_scene(write(folder, text))
+    assert scene.sun == Sun(30.0, 180.0, 1000.0, limb_darkening=True)
+    assert not any("limb" in note for note in scene.freeze().notes)
+    mirror = "[[assign]]\nparts = 'desk'\nmaterial = { reflectance = 0.1, mirror = 0.8 }\n"
+    notes = load_scene(write(folder, text + mirror)).freeze().notes
+    assert any("limb darkening is left out" in note for note in notes)
+    with pytest.raises(InputError, match=r"sun\.limb_darkening"):
+        load_scene(write(folder, text.replace("= true", "= 1")))
+
+
 def test_turbidity_of_colours(sky):
     """That which is given, else that of the estimated level, else the usual one."""
     place = ("--sun-altitude", 40, "--sun-azimuth", 0, "--color", "preetham")
