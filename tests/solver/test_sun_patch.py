@@ -40,6 +40,7 @@ def test_elements_get_what_comes_through_the_opening(altitude, azimuth, accuracy
     assert result.counters["sun_means"] > 20
 
 
+@pytest.mark.slow
 def test_light_of_a_patch_after_reflections():
     """Within half of the accuracy asked for, of a run that is ten times as fine."""
     fine = lit_by_sun(20.0, 200.0, 0.002).sensors["plane"]
