@@ -76,7 +76,8 @@ def sky(
     estimated
         Level: what is typical at the sun's altitude.
     turbidity
-        Of estimated levels of clear skies; 2.45 when not given.
+        Of estimated levels of clear skies, 2.45 when not given, and of the colour of the clear sky,
+        3 when neither tells it.
     color
         Model of its colour by direction: one for all, by luminance (Chain 1999), or of the clear
         sky (Preetham 1999).
@@ -91,7 +92,8 @@ def sky(
         "diffuse_illuminance_lx": diffuse_illuminance,
         "zenith_luminance_cd_m2": zenith_luminance,
         "estimated": estimated or None,
-        "turbidity": turbidity,
+        # Of a colour that depends on it there need be no such level.
+        "turbidity": None if color == "preetham" and not estimated else turbidity,
     }
     irradiance = {"direct": direct, "diffuse": diffuse}
     files = {"weather": weather, "patches": patches, "scene": scene}
@@ -117,7 +119,8 @@ def sky(
             shown = _of_irradiance(direct, diffuse, altitude, azimuth)
         else:
             shown = _of_type(type_ or "16", altitude, azimuth, levels)
-    shown = dataclasses.replace(shown, color=color)
+    haze = turbidity if color == "preetham" else None
+    shown = dataclasses.replace(shown, color=color, turbidity=haze)
     if output is not None:
         from patchlight.reports.files import write_bytes
         from patchlight.reports.sky_figure import sky_png
@@ -227,7 +230,7 @@ def _of_scene(file: Path) -> SkyPreview:
     from .scene_file import light_of_file
     from .sky_preview import SkyPreview
 
-    found, sun = light_of_file(file)
-    if found is None:
+    light = light_of_file(file)
+    if light.sky is None:
         raise InputError(f"{file}: sky: the scene has none")
-    return SkyPreview(found, sun)
+    return SkyPreview(light.sky, light.sun, light.remarks)

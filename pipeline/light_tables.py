@@ -80,8 +80,8 @@ class SkyTable(Table):
         if self.model == "weather" and own_sun:
             raise InputError("sun_altitude_deg, sun_azimuth_deg: model 'weather' tells the sun")
 
-    def build_with(self, sun: Sun | None, folder: Path) -> Sky:
-        """The sky, with the sun's position of ``sun`` where it has none.
+    def build_with(self, sun: Sun | None, folder: Path) -> tuple[Sky, tuple[str, ...]]:
+        """The sky, with the sun's position of ``sun`` where it has none, and remarks on its file.
 
         Files are named relative to ``folder``.
         """
@@ -91,22 +91,24 @@ class SkyTable(Table):
             from patchlight.solver.weather_sky import sky_at
 
             assert self.time is not None
-            found, _, _ = sky_at(read_weather(folder / str(self.file)), self.time)
-            return dataclasses.replace(found, cct_k=self.cct_k)
+            weather = read_weather(folder / str(self.file))
+            found, _, told = sky_at(weather, self.time)
+            remarks = (f"the sky is that of {weather.place}: {told}", *weather.remarks)
+            return dataclasses.replace(found, cct_k=self.cct_k), remarks
         own_sun = self.sun_altitude_deg is not None or self.sun_azimuth_deg is not None
         if self.model == "patches":
             from patchlight.importers import read_patch_sky
 
-            return read_patch_sky(folder / str(self.file), **values)
+            return read_patch_sky(folder / str(self.file), **values), ()
         if sun is not None and not own_sun:
             values["sun_altitude_deg"] = min(90.0, max(0.0, sun.altitude_deg))
             values["sun_azimuth_deg"] = sun.azimuth_deg
         if self.model == "cie":
-            return CIESky(**values)
+            return CIESky(**values), ()
         lacking = [key for key in _PEREZ_NEEDS if key not in values]
         if lacking:
             raise InputError(f"model 'perez' needs {', '.join(lacking)}")
-        return PerezSky(**values)
+        return PerezSky(**values), ()
 
 
 class SunTable(Table):
@@ -122,6 +124,8 @@ class SunTable(Table):
     """That which [sky] tells when none is given: of model perez, or with estimated = true. [lx]"""
     angular_radius_arcmin: Number = 16.0
     cct_k: Number = 5500.0
+    limb_darkening: StrictBool = False
+    """Whether the disc is darker towards its rim, as the sun is at 550 nm."""
 
     def build(self) -> None:
         """Nothing yet: the place stands in [site], and the level may stand in [sky]."""

@@ -79,6 +79,10 @@ def _light(data: SceneData) -> list[str]:
         )
     if data.sun is not None and data.sun.altitude_deg <= 0.0:
         notes.append(f"the sun is below the horizon (altitude {data.sun.altitude_deg:g} degrees)")
+    if data.sun is not None and data.sun.limb_darkening:
+        used = {int(k) for k in np.unique(data.material_index) if k >= 0}
+        if any(np.any(data.materials[k].mirror_bands > 0.0) for k in used):
+            notes.append("limb darkening is left out of the light of the sun by way of mirrors")
     if data.maintenance_factor != 1.0 and data.luminaires:
         notes.append(
             f"maintenance factor {data.maintenance_factor:g} on electric light, none on daylight"

@@ -204,7 +204,7 @@ def _light_problems(values: dict[str, Any], grids: list[str], folder: Path) -> l
         return [f"sun: {error}"]
     try:
         if values.get("sky") is not None:
-            sky = SkyTable.model_validate(values["sky"]).build_with(disc, folder)
+            sky, _ = SkyTable.model_validate(values["sky"]).build_with(disc, folder)
             check_sun(sky, disc)
     except ValidationError:
         return []  # reported with its key
@@ -232,16 +232,25 @@ def _tables(values: dict[str, Any], key: str) -> list[dict[str, Any]]:
     return [t for t in tables if isinstance(t, dict)] if isinstance(tables, list) else []
 
 
-def light_of_file(path: Path) -> tuple[Sky | None, Sun | None]:
+@dataclasses.dataclass(frozen=True, slots=True)
+class FileLight:
+    """Sky and sun of a scene file, and remarks on the files that tell them."""
+
+    sky: Sky | None
+    sun: Sun | None
+    remarks: tuple[str, ...] = ()
+
+
+def light_of_file(path: Path) -> FileLight:
     """Sky and sun of a scene file; its models are not read."""
     return _light(read_scene_file(path), path)
 
 
-def _light(file: SceneFile, path: Path) -> tuple[Sky | None, Sun | None]:
+def _light(file: SceneFile, path: Path) -> FileLight:
     site = file.site.build()
     disc = None if file.sun is None else file.sun.build_at(site)
-    sky = None if file.sky is None else file.sky.build_with(disc, path.parent)
-    return sky, None if file.sun is None else file.sun.build_with(sky, site)
+    sky, remarks = (None, ()) if file.sky is None else file.sky.build_with(disc, path.parent)
+    return FileLight(sky, None if file.sun is None else file.sun.build_with(sky, site), remarks)
 
 
 def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
@@ -297,7 +306,9 @@ def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
                     layer=assign.layer,
                     color=assign.color,
                 )
-    scene.sky, scene.sun = _light(file, path)
+    light = _light(file, path)
+    scene.sky, scene.sun = light.sky, light.sun
+    scene.notes += light.remarks
     scene.ground = None if file.ground is None else file.ground.build()
     beside = file.daylight_factor
     scene.daylight_factor = beside if isinstance(beside, bool) else beside.build()

@@ -28,13 +28,15 @@ COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 class SkyPreview:
     """A sky, the sun that goes with it if there is one, and remarks on both.
 
-    ``color`` names a model of `patchlight.solver.sky_color` for the colour of each direction.
+    ``color`` names a model of `patchlight.solver.sky_color` for the colour of each direction, and
+    ``turbidity`` is that of the model where it is not that of the sky.
     """
 
     sky: Sky
     sun: Sun | None = None
     remarks: tuple[str, ...] = ()
     color: str | None = None
+    turbidity: float | None = None
 
     @property
     def levels(self) -> dict[str, float]:
@@ -128,7 +130,7 @@ class SkyPreview:
         from patchlight.solver.sky_color import sky_chromaticity
 
         d = np.array([direction(*place) for place in places])
-        return sky_chromaticity(self.sky, d, str(self.color))
+        return sky_chromaticity(self.sky, d, str(self.color), turbidity=self.turbidity)
 
     def _at(self, places: list[tuple[float, float]]) -> FloatArray:
         return luminance(self.sky, np.array([direction(*place) for place in places]))

@@ -32,6 +32,7 @@ from .vertex_values import corner_values
 
 if TYPE_CHECKING:
     from .second_pass import SecondPass
+    from .sun_pictures import SunInPictures
     from .webs import WebLamp
 
 #: Rays per kernel call, which bounds memory and lets Ctrl-C through.
@@ -81,6 +82,7 @@ class Renderer:
         caster: RayCaster | None = None,
         webs: Sequence[WebLamp] = (),
         second: SecondPass | None = None,
+        sun: SunInPictures | None = None,
     ) -> None:
         if emitted.ndim == 2:
             emitted = np.repeat(emitted[:, None], 4, axis=1)
@@ -92,7 +94,7 @@ class Renderer:
         check_shape("emitted", emitted, (n, 4, bands))
         irradiance = frozen(irradiance)
         check_shape("irradiance", irradiance, (n,))
-        self.scene, self._webs, self._grey = scene, webs, bands == 1
+        self.scene, self._webs, self._grey, self._sun = scene, webs, bands == 1, sun
         # By patch and side, as a ray sees it; the last row stands for patch −1.
         self._lamp_of = np.concatenate([scene.luminaire_index, [[-1, -1]]])
         # Patches that are seen through come last: rows of the others are the same without them.
@@ -159,6 +161,9 @@ class Renderer:
                 rgb[rows], illuminance[rows], normals[rows],
             )  # fmt: skip
             seen = Seen(origins[rows], d, hits, normals[rows], illuminance[rows])
+            if self._sun is not None:
+                met = np.flatnonzero(hits.patch >= 0)
+                self._sun.add(rgb[rows], illuminance[rows], met, seen.points(met), seen)
             self._shine.add_lobes(rgb[rows], seen, partial(self._emitted, d, hits))
             self._add_webs(rgb[rows], d, hits.patch, hits.facing)
             self._add_mirrors(rgb[rows], seen, bounces)

@@ -20,7 +20,7 @@ import numpy as np
 
 from .beams import Beams
 from .coefficients import Coefficients
-from .dome_grid import dome_grid
+from .dome_grid import DomeGrid, dome_grid
 from .errors import InputError
 from .field import FieldSolver
 from .model.arrays import FloatArray, IntArray
@@ -155,7 +155,7 @@ class DaylitScene:
         normals = np.concatenate([grid.normals for grid in sensors])[some]
         with self.stages.run("open sky"):
             exact = self._at("sky.direct")[some]
-            direct = self.sky.seen(points, normals, sky_grid, exact).weights
+            direct = self._open(points, normals, sky_grid, exact)
         with self.stages.run("weights of surfaces"):
             beams = self._beams(some, POINTS[fine])
         with self.stages.run("beams of the sky") as tell:
@@ -184,6 +184,22 @@ class DaylitScene:
             exact_beams=of_sun,
             beam_scale=scale,
         )
+
+    def _open(
+        self, points: FloatArray, normals: FloatArray, grid: DomeGrid, exact: FloatArray
+    ) -> FloatArray:
+        """Weights of the cells of the sky at points (m, 3), which add up to ``exact`` (m,) lx."""
+        seen, accuracy = self.sky.seen(points, normals, grid, exact), self.run.budget.accuracy
+        self.stages.count({"sky_sectors_by_rays": int(seen.by_rays.sum())})
+        before = self.stages.figures.get("open_sky_scaled", 0.0)
+        self.stages.figures["open_sky_scaled"] = max(before, seen.scaled)
+        if before <= accuracy < seen.scaled:
+            self.stages.warnings.append(
+                f"directions open to the sensors were found to {seen.scaled:.2g} of the light of "
+                f"an even sky (root mean square), accuracy {accuracy:g}: they were scaled to it, "
+                "but skies with a bright part are off by as much"
+            )
+        return seen.weights
 
     def _at(self, name: str) -> FloatArray:
         """One component (m,) at the sensors of all grids. [lx]"""

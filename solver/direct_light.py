@@ -1,6 +1,8 @@
-"""Direct light of the lamps at many points, as well as it takes to decide where to cut."""
+"""Direct light of lamps and sun at many points, as well as it takes to decide where to cut."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from .kernels.pyramid import Blockers
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
+from .model.sky import direction
 from .profile_boxes import cut_evenly
 from .raycast import RayCaster
 
@@ -19,6 +22,8 @@ EPS = 1e-2
 PAIRS = 2_000_000
 #: Share of a point's light below which it is not asked whether a lamp is in sight.
 FAINT = 0.02
+#: Rays that tell how much of what a surface reflects meets anything.
+REFLECTED = 24
 #: Distance above a surface from which rays start, relative to the scene's size, and the share of
 #: their way after which they have reached the lamp.
 LIFT, REACHED = 1e-5, 0.999
@@ -42,8 +47,18 @@ def lamp_exitances(scene: SceneData, boxes: Boxes) -> FloatArray:
     return out
 
 
+def sun_numbers(scene: SceneData) -> FloatArray:
+    """Direction and illuminance (4,) of the sun of a scene; none (0,) where there is none."""
+    sun = scene.sun
+    if sun is None or sun.altitude_deg <= 0.0 or sun.normal_illuminance_lx == 0.0:
+        return np.empty(0)
+    return np.array([*direction(sun.altitude_deg, sun.azimuth_deg), sun.normal_illuminance_lx])
+
+
 class DirectLight:
     """Light of all lamps: exact unoccluded form factors, and one ray to the middle of each patch.
+
+    That of the sun is told by a ray to the middle of its disc, as if panes kept nothing back.
 
     A convex body's own horizon is in the form factors: what its middle lies behind is not hidden
     by the body itself.
@@ -72,31 +87,69 @@ class DirectLight:
         boxes = lamp_boxes(scene)
         self._exitance = lamp_exitances(scene, boxes) if more is None else more[more != 0.0]
         boxes = boxes if more is None else boxes.take(np.flatnonzero(more))
+        self._sun = sun_numbers(scene) if more is None else np.empty(0)
+        self._caster = RayCaster(scene.without_panes.patches) if trace else None
+        low, high = scene.patches.bounds()
+        self._lift = LIFT * float(np.linalg.norm(high - low))
+        self._areas = np.empty(0)
+        if not len(boxes):
+            return
         lamps = elements_on(scene.patches, boxes)
         self._areas, self._middles = lamps.areas, lamps.nodes.mean(axis=1)
         nets = scene.patches.control_points
         self._sources = make_sources(lamps, nets, np.full(len(lamps), EPS))
-        self._caster = RayCaster(scene.without_panes.patches) if trace else None
         self._solid = blockers.solid[np.minimum(boxes.patch, scene.opaque_count - 1)]
         self._convex = blockers.bulging[self._solid] & (boxes.patch < scene.opaque_count)
         self._opaque = scene.opaque_count
-        low, high = scene.patches.bounds()
-        self._lift = LIFT * float(np.linalg.norm(high - low))
 
     def at(
         self, points: FloatArray, normals: FloatArray, patches: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Illuminance [lx] and nearness [1/m] of lamps at points (m, 3) on ``patches`` (m,).
+        """Illuminance [lx], and nearness [1/m] of lamps, at points (m, 3) on ``patches`` (m,).
 
         Nearness is the sum of form factor over distance of the lamps in sight, each taken for a
         disc F = R² / (R² + d²) of its area.
         """
-        light, nearness = np.empty((2, len(points)))
-        step = max(1, PAIRS // len(self._areas))
+        light, nearness = np.zeros((2, len(points)))
+        step = max(1, PAIRS // max(len(self._areas), 1))
         for start in range(0, len(points), step):
             some = slice(start, start + step)
-            light[some], nearness[some] = self._at(points[some], normals[some], patches[some])
+            if len(self._areas):
+                light[some], nearness[some] = self._at(points[some], normals[some], patches[some])
+            light[some] += self._of_sun(points[some], normals[some])
         return light, nearness
+
+    def stays(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Share (m,) of what surfaces reflect at points (m, 3) that meets anything.
+
+        Told by some rays where there is a sun, which shines mostly outdoors; else 1.
+        """
+        if self._caster is None or not len(self._sun):
+            return np.ones(len(points))
+        k = np.arange(REFLECTED)
+        out, up = np.sqrt((k + 0.5) / REFLECTED), np.sqrt(1.0 - (k + 0.5) / REFLECTED)
+        turn = math.pi * (3.0 - math.sqrt(5.0)) * k
+        helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+        e1 = np.cross(helper, normals)
+        e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+        e2 = np.cross(normals, e1)
+        start, met = points + self._lift * normals, np.zeros(len(points))
+        for x, y, z in zip(out * np.cos(turn), out * np.sin(turn), up, strict=True):
+            met += self._caster.any_hit(start, x * e1 + y * e2 + z * normals)
+        return met / REFLECTED
+
+    def _of_sun(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Illuminance (m,) of the sun's middle."""
+        if not len(self._sun):
+            return np.zeros(len(points))
+        toward = self._sun[:3]
+        light = self._sun[3] * np.maximum(normals @ toward, 0.0)
+        rows = np.flatnonzero(light > 0.0)
+        if self._caster is not None and len(rows):
+            start = points[rows] + self._lift * normals[rows]
+            hidden = self._caster.any_hit(start, np.broadcast_to(toward, start.shape))
+            light[rows[hidden]] = 0.0
+        return np.asarray(light)
 
     def _at(
         self, points: FloatArray, normals: FloatArray, patches: IntArray

@@ -8,21 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from .budget import Budget
-from .dome import DomeLight, gather, sun_cells
+from .dome import DomeLight
 from .exchange import Rows
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import Sky, Sun
+from .open_sky import OpenSky
 from .outside_light import Horizon, OutsideLight
 from .pane_dome import Daylight
 from .pane_field import PaneField
 from .reuse import Kept, tolerances
 from .row_finder import Ask
-from .skies import ground_luminance, sun_luminance
+from .skies import ground_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
+from .sun_disc import DiscLight, SeenDisc
+from .sun_means import put_sun_means
 from .surfaces import Receivers, Surfaces
 from .uneven import UnevenField
 from .unknowns import Unknowns
@@ -116,6 +119,8 @@ class Incidence:
         self.webs = WebField(scene, blockers, panes, trace=trace, stages=stages)
         self.uneven = UnevenField(scene, blockers, panes, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
+        self.disc = DiscLight(blockers, trace=trace)
+        self._open: OpenSky | None = None
 
     def on(
         self,
@@ -134,6 +139,16 @@ class Incidence:
         if scanned is not None and not self.panes.any:
             scanned = self._known_outside(asked, scanned, sees_out)
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
+        sun, found = self.scene.sun, light.direct.get("sun")
+        if sun is not None and found is not None and self.trace and found.any():
+            with self.stages.run("sun"):
+                color = np.ones(1) if self.bands == 1 else cct_to_rgb(sun.cct_k)
+                if self._open is None:
+                    self._open = OpenSky(self.scene, self.blockers, trace=self.trace)
+                count = put_sun_means(
+                    found, light.variance, sun, color, surfaces.elements, unknowns, self._open
+                )
+                self.stages.count({"sun_means": count})
         self.add_lamps(light, asked, rows, surfaces, areas=unknowns.areas)
         return light
 
@@ -196,11 +211,11 @@ class Incidence:
             self._add_through_panes(light, receivers, budget, scanned is not None)
             return light
         scene, stages = self.scene, self.stages
-        jobs: list[tuple[str, Sky | float, float]] = []
+        jobs: list[tuple[str, Sky | float, float]] = []  # of the sun the luminance does not count
         if scene.sky is not None:
             jobs.append(("sky", scene.sky, scene.sky.cct_k))
         if scene.sun is not None:
-            jobs.append(("sun", sun_luminance(scene.sun), scene.sun.cct_k))
+            jobs.append(("sun", 0.0, scene.sun.cct_k))
         level = ground_luminance(scene.ground, scene.sky, scene.sun)
         if level > 0.0:
             jobs.append(("ground", level, scene.sky.cct_k if scene.sky is not None else 5500.0))
@@ -217,6 +232,7 @@ class Incidence:
                 light.direct[name] = brightness * scanned[:, column, None] * color
                 light.variance += brightness**2 * scanned[:, spread]
                 continue
+            found: DomeLight | SeenDisc
             with stages.run(name) as tell:
                 if name == "sun" and scene.sun is not None:
                     found = self._sun(scene.sun, receivers, budget, tell)
@@ -227,33 +243,24 @@ class Incidence:
                     found = outside.sky if name == "sky" else outside.ground.times(level)
             light.direct[name] = found.illuminance[:, None] * color
             light.variance += found.deviation**2
-            if name != "sun":
+            if isinstance(found, DomeLight):
                 light.outside += found.factor
                 light.outside_variance += found.factor_variance
         return light
 
     def _sun(
         self, sun: Sun, receivers: Receivers, budget: Budget, tell: Callable[[int, int], None]
-    ) -> DomeLight:
+    ) -> SeenDisc:
         """Light of the sun's disc."""
-        cells = budget.sun_cell_eps * np.sin(np.radians(sun.angular_radius_arcmin / 60.0)) ** 2
-        places = (receivers.nodes, receivers.normals, receivers.weights)
 
-        def find() -> DomeLight:
-            found = gather(
-                *places,
-                sun_cells(sun),
-                sun_luminance(sun),
-                self.blockers,
-                eps=budget.eps,
-                cell_eps=cells,
-                trace=self.trace,
-                progress=tell,
-            )
+        def find() -> SeenDisc:
+            found = self.disc.on(receivers, sun, budget.sun_cell_eps)
             self.stages.count(found.counters)
+            tell(len(receivers.nodes), len(receivers.nodes))
             return found
 
-        return self.kept.find("sun", (places, sun, budget.eps, cells), find)
+        places = (receivers.nodes, receivers.normals, receivers.weights)
+        return self.kept.find("sun", (places, sun, budget.sun_cell_eps), find)
 
     def _outside(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .direct_light import DirectLight, lamp_boxes, lamp_exitances
+from .direct_light import DirectLight, lamp_boxes, lamp_exitances, sun_numbers
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
@@ -30,42 +30,53 @@ class KeptLight:
 
     Attributes
     ----------
-    exitances : (k,) array
-        Of the pieces of lamps that the light comes from. [lm/m²]
+    shining : (k,) array
+        Exitances of the pieces of lamps that the light comes from [lm/m²], and the sun.
     """
 
     def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool, kept: Kept) -> None:
         self.scene, self.blockers, self.trace, self.kept = scene, blockers, trace, kept
-        self.exitances = lamp_exitances(scene, lamp_boxes(scene))
-        self._lamps = scene.luminaire_index, self.exitances
+        lamps = lamp_exitances(scene, lamp_boxes(scene))
+        self.shining = np.concatenate([lamps, sun_numbers(scene)])
+        self._lamps = scene.luminaire_index, self.shining
         self._light: DirectLight | None = None
 
     def at(
         self, points: FloatArray, normals: FloatArray, patches: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Illuminance [lx] and nearness [1/m] of lamps at points (m, 3) on ``patches`` (m,)."""
+        """Illuminance [lx] and nearness [1/m] at points (m, 3) on ``patches`` (m,)."""
 
         def find() -> tuple[FloatArray, FloatArray]:
-            if self._light is None:
-                self._light = DirectLight(self.scene, self.blockers, trace=self.trace)
-            return self._light.at(points, normals, patches)
+            return self._made.at(points, normals, patches)
 
         return self.kept.find("direct light", (self._lamps, points, normals, patches), find)
 
     def change(
         self, points: FloatArray, normals: FloatArray, patches: IntArray, before: FloatArray
     ) -> tuple[float, FloatArray]:
-        """What has become of the illuminance at points (m, 3) on ``patches`` (m,).
+        """What has become of the illuminance at points (m, 3) on ``patches`` (m,), without a sun.
 
         Pieces of lamps had exitances ``before`` (k,) [lm/m²]. Returns by what the light of then is
         to be multiplied, and what comes to that (m,) [lx]: of lamps which have changed unlike most.
         """
         shone = before > 0.0
-        ratios = self.exitances[shone] / before[shone]
+        ratios = self.shining[shone] / before[shone]
         usual = float(np.quantile(ratios, 0.5, method="lower")) if shone.any() else 0.0
-        more = self.exitances - usual * before
-        more[np.abs(more) <= _SAME * self.exitances] = 0.0
+        more = self.shining - usual * before
+        more[np.abs(more) <= _SAME * self.shining] = 0.0
         if not more.any():
             return usual, np.zeros(len(points))
         lamps = DirectLight(self.scene, self.blockers, trace=self.trace, more=more)
         return usual, lamps.at(points, normals, patches)[0]
+
+    def stays(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """See `DirectLight.stays`."""
+        if not len(sun_numbers(self.scene)):
+            return np.ones(len(points))
+        return self._made.stays(points, normals)
+
+    @property
+    def _made(self) -> DirectLight:
+        if self._light is None:
+            self._light = DirectLight(self.scene, self.blockers, trace=self.trace)
+        return self._light

@@ -1,4 +1,4 @@
-"""The meshes of one scene: equal boxes by the budget, cut where the light of the lamps changes."""
+"""The meshes of one scene: equal boxes by the budget, cut where direct light changes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from .balance import Seam, balanced, is_balanced, smooth_seams
 from .budget import Budget
 from .containment import Containment
+from .direct_light import sun_numbers
 from .gap_cuts import in_gaps, with_gaps
 from .horizon_lines import with_lines
 from .kept_light import KeptLight
@@ -115,7 +116,7 @@ class Mesher:
         if added:
             self.stages.count({"elements_added_for_profiles": added})
         lamps = int((self.scene.luminaire_index >= 0).sum())
-        if lamps == 0:
+        if lamps == 0 and not len(sun_numbers(self.scene)):
             return boxes, 0.0
         if most <= len(boxes) or not fits(most):
             self.stages.skipped["refinement"] = (
@@ -147,11 +148,11 @@ class Mesher:
         return None if self._refiner is None else self._refiner.looked
 
     def lamps(self, budget: Budget) -> tuple[IntArray, FloatArray]:
-        """Lamps of the sides (p, 2) of all patches, and exitances of their pieces. [lm/m²]"""
+        """Lamps of the sides (p, 2) of all patches; exitances of their pieces and the sun."""
         index = self.scene.luminaire_index
-        if not (index >= 0).any():
+        if not (index >= 0).any() and not len(sun_numbers(self.scene)):
             return index, np.empty(0)
-        return index, self._refine_by(budget).light.exitances
+        return index, self._refine_by(budget).light.shining
 
     def misplaced_again(self, mesh: Mesh, budget: Budget) -> float:
         """Share of the reflected light in the wrong place on the mesh of a run before this one."""
@@ -165,7 +166,8 @@ class Mesher:
         moved = not np.array_equal(mesh.nets, self.scene.patches.control_points)
         dimmed, looked = not np.array_equal(mesh.lamps[1], levels), mesh.looked
         other = not np.array_equal(mesh.lamps[0], index) or len(mesh.lamps[1]) != len(levels)
-        if other or (moved and dimmed):
+        # Of what was looked at under a sun it is not known how much the lamps made.
+        if other or (dimmed and (moved or len(sun_numbers(self.scene)) > 0)):
             return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
         if dimmed:
             looked = refiner.relit(mesh.boxes, looked, mesh.lamps[1])

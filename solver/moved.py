@@ -71,7 +71,7 @@ def points_in_new_light(
     dirty = moved_patches(before, nets)
     lit = (scene.luminaire_index >= 0).any(axis=1)
     touched = np.repeat(dirty[patch], points.shape[1])
-    if (dirty & lit).any():
+    if (dirty & lit).any() or (dirty.any() and scene.sun is not None):
         return np.ones(points.shape[:2], dtype=bool)
     lamps = int(lit.sum())
     planes = np.zeros((lamps, 4))

@@ -5,10 +5,11 @@ add up to its illuminance under a sky of luminance 1; the light of any sky is a 
 as skies are linear between the middles of cells, over cells.
 
 Past flat surfaces the edges of what is seen are exact (`kernels.open_sky`). In sectors of azimuth
-in which a curved surface may hide something, nodes stand on an even grid, and a ray each tells
-whether it is open. What panes leave is told by a ray for each node. As `outside_light` and
-`pane_dome` tell to the accuracy of a simulation how much of an even sky is seen, by curved edges
-and at the frames of panes too, the weights of each receiver are scaled to add up to that.
+in which a curved surface may hide something, or there are too many edges, nodes stand on an even
+grid, and a ray each tells whether it is open. What panes leave is told by a ray for each node.
+`outside_light` and `pane_dome` tell to the accuracy of a simulation how much of an even sky is
+seen, by curved edges and at the frames of panes too: the weights of each receiver are scaled to add
+up to that, and by how much tells how good they were.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from .dome_grid import DomeGrid
 from .kernels.nets import PLANAR
 from .kernels.panes import Panes
 from .kernels.pyramid import Blockers
-from .model.arrays import FloatArray
+from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
 from .outside_light import SECTORS, curved_sides
 from .panes import make_panes, shares_through
 from .raycast import RayCaster
 from .topology import writable
 
-#: Nodes a receiver at most, and receivers a block: 40 MB.
-MOST, BLOCK = 20_000, 64
+#: Nodes that a receiver has room for at first and at most, and that a block has: 40 MB.
+ROOM, MOST, OF_BLOCK = 20_000, 1_280_000, 1_280_000
 #: Azimuth and altitude that two nodes stand for, against the height of a band of cells.
 STEP = 1.0
 #: Rays a direction of each cell where curved surfaces may hide something, against a band.
@@ -42,10 +43,52 @@ NOTHING = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenSky:
-    """Weights (m, B) of the cells of the dome, and what (m,) they were scaled by. [sr]"""
+    """What receivers see of the sky; row i of every array is the same of m receivers.
+
+    Attributes
+    ----------
+    weights : (m, B) array
+        Of the cells of the dome. [sr]
+    scale : (m,) array
+        What they were scaled by.
+    by_rays : (m,) int array
+        Sectors of azimuth that were told by rays.
+    """
 
     weights: FloatArray
     scale: FloatArray
+    by_rays: IntArray
+
+    @property
+    def scaled(self) -> float:
+        """By how much weights were scaled, root mean square over receivers that see any sky."""
+        seen = self.weights.any(axis=1)
+        return float(np.sqrt(np.mean((self.scale[seen] - 1.0) ** 2))) if seen.any() else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nodes:
+    """Nodes of a rule over what m receivers see of the sky, k in all.
+
+    Attributes
+    ----------
+    receiver : (k,) int array
+        Whose each is.
+    directions : (k, 3) array
+        Unit vectors.
+    weights : (k,) array
+        Solid angle times cosine at the receiver. [sr]
+    by_rays : (m,) int array
+        Sectors of azimuth that were told by rays.
+    short : (m,) bool array
+        Receivers that need more room; none of their nodes are here.
+    """
+
+    receiver: IntArray
+    directions: FloatArray
+    weights: FloatArray
+    by_rays: IntArray
+    short: NDArray[np.bool_]
 
 
 class OpenSky:
@@ -87,23 +130,28 @@ class OpenSky:
         exact : (m,) array
             Illuminance of the receivers under a sky of luminance 1 cd/m². [lx]
         """
-        m = len(points)
-        out = np.zeros((m, len(grid)))
-        for start in range(0, m, BLOCK):
-            rows = slice(start, min(start + BLOCK, m))
-            receiver, directions, weights = self._nodes(points[rows], normals[rows], grid.height)
-            weights = weights * self.share(points[rows][receiver], directions)
-            cells, shares = grid.between(directions)
-            place = receiver[:, None] * len(grid) + cells
-            count = rows.stop - rows.start
-            found = np.bincount(
-                place.ravel(), (shares * weights[:, None]).ravel(), minlength=count * len(grid)
-            )
-            out[rows] = found.reshape(count, len(grid))
+        m, room = len(points), ROOM
+        out, by_rays = np.zeros((m, len(grid))), np.zeros(m, dtype=np.int64)
+        waiting = np.arange(m)
+        while len(waiting):
+            short = []
+            for start in range(0, len(waiting), OF_BLOCK // room):
+                rows = waiting[start : start + OF_BLOCK // room]
+                nodes = self._nodes(points[rows], normals[rows], grid.height, room)
+                weights = nodes.weights * self.share(points[rows][nodes.receiver], nodes.directions)
+                cells, shares = grid.between(nodes.directions)
+                found = np.bincount(
+                    (nodes.receiver[:, None] * len(grid) + cells).ravel(),
+                    (shares * weights[:, None]).ravel(),
+                    minlength=len(rows) * len(grid),
+                )
+                out[rows], by_rays[rows] = found.reshape(len(rows), len(grid)), nodes.by_rays
+                short.append(rows[nodes.short])
+            waiting, room = np.concatenate(short), 2 * room
         total = out.sum(axis=1)
         some = (total > NOTHING) & (exact > NOTHING)
         scale = np.where(some, exact / np.where(some, total, 1.0), np.where(exact > NOTHING, 1, 0))
-        return SeenSky(out * scale[:, None], np.asarray(scale))
+        return SeenSky(out * scale[:, None], np.asarray(scale), by_rays)
 
     def share(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """Share (k,) of light that panes leave from ``directions`` (k, 3) at points (k, 3)."""
@@ -129,15 +177,13 @@ class OpenSky:
             return np.ones(len(points), dtype=bool)
         return ~np.asarray(self._caster.any_hit(points, directions, t_min=self._lift), dtype=bool)
 
-    def _nodes(
-        self, points: FloatArray, normals: FloatArray, height: float
-    ) -> tuple[np.ndarray, FloatArray, FloatArray]:
-        """Receiver (k,), direction (k, 3) and weight (k,) of all nodes of a block. [sr]"""
-        from .kernels.open_sky import open_directions
+    def _nodes(self, points: FloatArray, normals: FloatArray, height: float, room: int) -> Nodes:
+        """All nodes of a block, each receiver having ``room`` for so many past flat surfaces."""
+        from .kernels.open_sky import NO_ROOM, TOLD, open_directions
 
         m = len(points)
-        out, counts = np.empty((m, MOST, 4)), np.zeros(m, dtype=np.int64)
-        left = np.zeros((m, SECTORS), dtype=np.bool_)
+        out, counts = np.empty((m, room, 4)), np.zeros(m, dtype=np.int64)
+        left = np.zeros((m, SECTORS), dtype=np.int64)
         open_directions(
             writable(points),
             writable(normals),
@@ -151,14 +197,16 @@ class OpenSky:
             counts,
             left,
         )
-        told = np.arange(MOST) < counts[:, None]
+        short = (left == NO_ROOM).any(axis=1) & (room < MOST)
+        counts[short], left[short] = 0, TOLD  # they come again
+        told = np.arange(room) < counts[:, None]
         nodes, receiver = out[told], np.repeat(np.arange(m), counts)
         parts = [(receiver, nodes[:, :3], nodes[:, 3])]
-        for sector in np.flatnonzero(left.any(axis=0)):
-            rows = np.flatnonzero(left[:, sector])
+        for sector in np.flatnonzero((left != TOLD).any(axis=0)):
+            rows = np.flatnonzero(left[:, sector] != TOLD)
             parts.append(self._by_rays(points, normals, rows, int(sector), height / FINER))
         receiver, directions, weights = (np.concatenate(a) for a in zip(*parts, strict=True))
-        return receiver, directions, weights
+        return Nodes(receiver, directions, weights, (left != TOLD).sum(axis=1), short)
 
     def _by_rays(
         self, points: FloatArray, normals: FloatArray, rows: np.ndarray, sector: int, step: float

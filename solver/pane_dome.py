@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from .budget import Budget
 from .clear_dome import ClearDome
-from .dome import LEVELS, ROWS_PER_BLOCK, gather, sun_cells
+from .dome import LEVELS, ROWS_PER_BLOCK, sun_cells
 from .kernels.glazed_dome import (
     COLUMNS,
     GROUND,
@@ -32,7 +31,8 @@ from .model.bezier import bernstein
 from .model.scene import SceneData
 from .model.sky import CIESky, Sun
 from .panes import shares_through
-from .skies import ground_luminance, sky_tone, sun_luminance
+from .skies import ground_luminance, sky_tone
+from .sun_disc import DiscLight
 from .surfaces import Receivers
 from .topology import PLANAR, writable
 
@@ -86,6 +86,7 @@ class PaneDome:
         self.scene, self.panes, self.trace = scene, panes, trace
         self.blockers, self.walls = blockers, walls
         self.clear = ClearDome(scene, walls)
+        self.disc, self.beside = DiscLight(blockers, trace=trace), DiscLight(walls, trace=True)
         low, high = scene.patches.bounds()
         self.lift = 1e-9 * float(np.linalg.norm(high - low))
         first = scene.opaque_count
@@ -179,21 +180,19 @@ class PaneDome:
         The share of the disc that panes cover is that which walls in their place would hide.
         """
         m, q = receivers.weights.shape
-        cells = sun_cells(sun)
-        disc = np.sin(np.radians(sun.angular_radius_arcmin / 60.0)) ** 2
-        how: dict[str, Any] = {"eps": budget.eps, "cell_eps": budget.sun_cell_eps * disc}
         # Each node by itself: what it gets through panes depends on where it is.
-        lit = (receivers.weights > 0.0).astype(float).reshape(-1, 1)
-        nodes, normals = (a.reshape(-1, 1, 3) for a in (receivers.nodes, receivers.normals))
-        level = sun_luminance(sun)
-        plain = gather(nodes, normals, lit, cells, level, self.blockers, trace=self.trace, **how)
-        clear = gather(nodes, normals, lit, cells, level, self.walls, **how)
+        used = np.flatnonzero(receivers.weights.ravel() > 0.0)
+        nodes, normals = (a.reshape(-1, 3)[used] for a in (receivers.nodes, receivers.normals))
+        plain, clear = (
+            disc.at(nodes, normals, sun, budget.sun_cell_eps) for disc in (self.disc, self.beside)
+        )
         behind = np.maximum(plain.illuminance - clear.illuminance, 0.0)
         rows = np.flatnonzero(behind > 0.0)
-        share = np.zeros(m * q)
-        share[rows] = self._disc_share(nodes[rows, 0], cells)
-        light = np.minimum(clear.illuminance, plain.illuminance) + share * behind
-        variance = np.maximum(plain.deviation, clear.deviation) ** 2
+        share = np.zeros(len(used))
+        share[rows] = self._disc_share(nodes[rows], sun_cells(sun))
+        light, variance = np.zeros((2, m * q))
+        light[used] = np.minimum(clear.illuminance, plain.illuminance) + share * behind
+        variance[used] = np.maximum(plain.deviation, clear.deviation) ** 2
         weights = receivers.weights
         return (
             np.asarray((weights * light.reshape(m, q)).sum(axis=1)),

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from .budget import Budget
 from .iterated import Finer
-from .model.result import CameraImage
+from .model.result import CameraImage, luminous
 from .solved_field import Field
 
 if TYPE_CHECKING:
@@ -21,17 +23,28 @@ def render_all(
     if not scene.cameras:
         return {}
     from .camera import Renderer
+    from .sun_pictures import SunInPictures
 
     images = {}
     with stages.run("images") as tell:
+        reflected, irradiance, sun = finer.reflected, finer.light.luminous(), None
+        direct = finer.light.components.get("sun.direct")
+        if scene.sun is not None and direct is not None and direct.any():
+            sun = SunInPictures(scene, solver.blockers, trace=solver.trace, bands=solver.bands)
+            # Panes keep what they scatter.
+            own = field.surfaces.elements.patch_index < scene.opaque_count
+            direct = np.where(own[:, None], direct, 0.0)
+            reflected = reflected - field.surfaces.reflectance * direct
+            irradiance = irradiance - luminous(direct)
         renderer = Renderer(
             scene,
             field.surfaces.elements,
-            reflected=finer.reflected,
+            reflected=reflected,
             emitted=field.surfaces.diffuse_at_corners,
-            irradiance=finer.light.luminous(),
+            irradiance=irradiance,
             webs=solver.webs.lamps(budget.accuracy),
             second=solver.highlights.for_pictures(field.surfaces, finer, budget),
+            sun=sun,
         )
         for k, camera in enumerate(scene.cameras):
             images[camera.name] = renderer.render(camera)

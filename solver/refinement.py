@@ -39,6 +39,8 @@ LOOK = gauss_rule(4)
 NODES = gauss_rule(2)
 _ALONG = lagrange(NODES[0], 1, LOOK[0])
 BETWEEN = np.einsum("ga,hb->ghab", _ALONG, _ALONG).reshape(len(LOOK[0]) ** 2, -1)
+#: One of the points that boxes are looked at, well inside of them.
+_INSIDE = 5
 #: Equal parts a direction between which a box is cut.
 CUT = 8
 #: Weight of light that the nodes add or lose against light in the wrong place: it is wrong for all
@@ -64,6 +66,8 @@ class Looked:
         Area about each point. [m²]
     lengths : (n, 2) array
         Lengths of the boxes. [m]
+    stays : (n,) array
+        Share of what they reflect that meets anything.
     """
 
     light: FloatArray
@@ -72,9 +76,12 @@ class Looked:
     areas: FloatArray
     shares: FloatArray
     lengths: FloatArray
+    stays: FloatArray
 
     def _parts(self) -> tuple[FloatArray, ...]:
-        return self.light, self.told, self.nearness, self.areas, self.shares, self.lengths
+        return (
+            self.light, self.told, self.nearness, self.areas, self.shares, self.lengths, self.stays,
+        )  # fmt: skip
 
     def take(self, rows: IntArray) -> Looked:
         """That in some of the boxes."""
@@ -207,12 +214,17 @@ class Refiner:
         )
         light, nearness = self._at(boxes, points, normals)
         k = found[0][2].shape[1]
+        stays = self.light.stays(points[:, _INSIDE], normals[:, _INSIDE])
         return Looked(
-            light[:, :k], light[:, k:], nearness[:, :k], areas[:, :k], areas[:, k:], found[0][3]
-        )
+            light[:, :k], light[:, k:], nearness[:, :k], areas[:, :k], areas[:, k:], found[0][3],
+            stays,
+        )  # fmt: skip
 
     def _judge(self, boxes: Boxes, looked: Looked) -> tuple[FloatArray, FloatArray]:
-        """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]"""
+        """Reflected direct light (n,) that boxes have wrong, by how far, and all of it. [lm]
+
+        What leaves the scene does not count, as from sunny walls outdoors.
+        """
         light, told, nearness = looked.light, looked.told, looked.nearness
         areas, shares, lengths = looked.areas, looked.shares, looked.lengths
         total = areas.sum(axis=1)
@@ -221,7 +233,7 @@ class Refiner:
         off = np.einsum("nk,nk->n", np.abs(light - told @ BETWEEN.T), areas)
         near = 1.0 / self.distance + np.einsum("nk,nk->n", nearness, areas) / total
         moved = off * np.minimum(1.0, lengths.max(axis=1) * near)
-        rho = self.reflectance[boxes.patch, boxes.side]
+        rho = self.reflectance[boxes.patch, boxes.side] * looked.stays
         return rho * (moved + LOST * lost), rho * mean * total
 
     def _cut(self, boxes: Boxes) -> Boxes:

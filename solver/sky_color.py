@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
+from .gensky import TURBIDITY as OF_ESTIMATES
 from .model.arrays import FloatArray
 from .model.sky import CIESky, Sky
 from .model.sky_checks import finite_number
@@ -64,7 +65,8 @@ def sky_chromaticity(
     model : {"constant", "chain", "preetham"}
         ``"constant"`` is ``sky.cct_k`` everywhere.
     turbidity : float, optional
-        Of ``"preetham"`` alone, 2 to 6; 3 when not given.
+        Of ``"preetham"`` alone, 2 to 6; when not given that which the level of ``sky`` is estimated
+        with, or else 3.
 
     Raises
     ------
@@ -78,7 +80,7 @@ def sky_chromaticity(
         raise InputError(f"turbidity: the colour of model {model!r} does not depend on it")
     d = np.asarray(directions, dtype=np.float64)
     if model == "preetham":
-        turbidity = TURBIDITY if turbidity is None else turbidity
+        turbidity = _turbidity(sky) if turbidity is None else turbidity
         return _preetham(sky, d, finite_number("turbidity", turbidity, *TURBIDITIES))
     if model == "chain":
         return daylight_locus(sky_temperature(sky, d))
@@ -111,6 +113,13 @@ def daylight_weights(xy: ArrayLike) -> FloatArray:
     first = -1.3515 - 1.7703 * x + 5.9114 * y
     second = 0.0300 - 31.4424 * x + 30.0717 * y
     return np.stack([first / whole, second / whole], axis=-1)
+
+
+def _turbidity(sky: Sky) -> float:
+    """That of the estimated level of a sky with a clear part, or what is usual."""
+    if not isinstance(sky, CIESky) or not sky.estimated or sky.type in _OVERCAST:
+        return TURBIDITY
+    return OF_ESTIMATES if sky.turbidity is None else sky.turbidity
 
 
 def _preetham(sky: Sky, d: FloatArray, turbidity: float) -> FloatArray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .dome_grid import DomeGrid
 from .errors import InputError
@@ -64,7 +64,7 @@ class SkySeries:
     @classmethod
     def of(cls, weather: Weather) -> SkySeries:
         """Those of a weather file, its irradiances turned into light by Perez' efficacies."""
-        altitude, azimuth = _sun_in(weather)
+        altitude, azimuth, _ = suns_in(weather)
         return cls.from_irradiance(
             altitude,
             azimuth,
@@ -132,23 +132,35 @@ class SkySeries:
         return np.asarray(out * (self.sky_lx[steps] / np.where(whole > 0.0, whole, 1.0)))
 
 
-def _sun_in(weather: Weather) -> tuple[FloatArray, FloatArray]:
-    """Altitude and azimuth (n,) of the sun in the middle of the part of each step it is up. [deg]
+def suns_in(
+    weather: Weather, steps: ArrayLike | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where the sun stands in ``steps`` (n,) of a weather file, or in all of them.
 
-    In steps in which it is never up, in their middle.
+    Returns
+    -------
+    altitude, azimuth : (n,) array
+        In the middle of the part of each step in which it is up, or in its middle where it never
+        is. [deg]
+    part : (n,) array
+        That part, over the step.
     """
     site, middles = weather.site, weather.middles_utc
+    if steps is not None:
+        middles = middles[np.asarray(steps)]
     altitude, azimuth = (np.array(a) for a in sun_positions(site, middles))
+    part = (altitude > 0.0).astype(np.float64)
     # It climbs by no more than 15 degrees an hour.
     most = 0.25 * 0.5 * weather.step_minutes
     edge = np.flatnonzero(np.abs(altitude) < most)
     if not len(edge):
-        return altitude, azimuth
+        return altitude, azimuth, part
     seconds = 60 * weather.step_minutes
     offsets = np.round((np.arange(_LOOKS) + 0.5) / _LOOKS * seconds - 0.5 * seconds)
     times = middles[edge, None] + offsets.astype("timedelta64[s]")
     heights = sun_positions(site, times.ravel())[0].reshape(times.shape)
     up = heights > 0.0
+    part[edge] = up.mean(axis=1)
     some = up.any(axis=1) & ~up.all(axis=1)
     if some.any():
         rows = edge[some]
@@ -156,7 +168,7 @@ def _sun_in(weather: Weather) -> tuple[FloatArray, FloatArray]:
         middle = (lit * offsets).sum(axis=1) / lit.sum(axis=1)
         at = middles[rows] + np.round(middle).astype("timedelta64[s]")
         altitude[rows], azimuth[rows] = sun_positions(site, at)
-    return altitude, azimuth
+    return altitude, azimuth, part
 
 
 def resampled(weather: Weather, step_minutes: int) -> Weather:

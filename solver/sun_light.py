@@ -1,7 +1,6 @@
 """Direct light of the sun's disc at sensors, at many of its places.
 
-Past flat surfaces with straight sides it is exact (`kernels.sun_disc`). Where a curved one may lie
-across the disc, and where the sensor's own horizon does, it is traced as in `simulation.solve`.
+As in `simulation.solve`, see `sun_disc`.
 """
 
 from __future__ import annotations
@@ -9,17 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .budget import Budget
-from .dome import gather, sun_cells
-from .kernels.nets import PLANAR
-from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray
 from .model.sky import Sun, direction
 from .open_sky import OpenSky
-from .outside_light import curved_sides
-from .skies import sun_luminance
+from .sun_disc import DiscLight
 from .topology import writable
 
 #: Radius of the disc, as `Sun` has it. [arcmin]
@@ -31,8 +25,6 @@ PLACES, PLACES_OF_WHOLE = 16, 4
 PAIRS = 50_000
 #: Share of the disc that may be hidden where all of it is seen.
 _WHOLE = 1e-9
-#: Height of a corner over the line of its neighbours, against their distance, that is none.
-_STRAIGHT = 1e-9
 
 
 class SunLight:
@@ -53,7 +45,7 @@ class SunLight:
     ) -> None:
         self.sky, self.blockers, self.budget = sky, sky.blockers, budget
         self.points, self.normals = writable(points), writable(normals)
-        self._straight = straight_sided(self.blockers)
+        self._disc = DiscLight(self.blockers, trace=sky.trace)
         #: Pairs of sensor and place of the sun that were traced.
         self.traced = 0
 
@@ -72,7 +64,7 @@ class SunLight:
             suns,
             radius,
             self.blockers,
-            self._straight,
+            self._disc.straight,
             self.sky.trace,
             out,
         )
@@ -87,19 +79,8 @@ class SunLight:
 
     def _traced(self, rows: IntArray, altitude_deg: float, azimuth_deg: float) -> FloatArray:
         sun = Sun(altitude_deg, azimuth_deg, 1.0, angular_radius_arcmin=RADIUS_ARCMIN)
-        disc = math.sin(math.radians(RADIUS_ARCMIN / 60.0)) ** 2
-        found = gather(
-            self.points[rows, None],
-            self.normals[rows, None],
-            np.ones((len(rows), 1)),
-            sun_cells(sun),
-            sun_luminance(sun),
-            self.blockers,
-            eps=self.budget.eps,
-            cell_eps=self.budget.sun_cell_eps * disc,
-            trace=self.sky.trace,
-        )
-        return found.illuminance
+        share = self.budget.sun_cell_eps
+        return self._disc.at(self.points[rows], self.normals[rows], sun, share).illuminance
 
     def _keep_back(self, out: FloatArray, suns: FloatArray, radius: float) -> None:
         """Take what panes keep back of ``out`` (m, k), in place.
@@ -136,15 +117,3 @@ class SunLight:
         count = some.sum(axis=1)
         mean = (share * some).sum(axis=1) / np.maximum(count, 1)
         return np.asarray(np.where(count > 0, mean, 1.0))
-
-
-def straight_sided(blockers: Blockers) -> NDArray[np.bool_]:
-    """Which patches (p,) are flat and convex, and have straight sides."""
-    corners = blockers.nets[:, [0, 3, 3, 0], [0, 0, 3, 3]]
-    points = corners[..., :3] / corners[..., 3:]
-    before, after = np.roll(points, 1, axis=1) - points, np.roll(points, -1, axis=1) - points
-    turn = np.einsum("pkx,px->pk", np.cross(after, before), blockers.cones[:, :3])
-    size = np.linalg.norm(before, axis=2) * np.linalg.norm(after, axis=2)
-    high = (turn >= -_STRAIGHT * size).all(axis=1) | (turn <= _STRAIGHT * size).all(axis=1)
-    flat = blockers.flags & PLANAR != 0
-    return np.ascontiguousarray(flat & ~curved_sides(blockers.nets).any(axis=1) & high)

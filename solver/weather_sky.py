@@ -10,13 +10,15 @@ from .errors import InputError
 from .model.sky import PerezSky, Sun
 from .model.weather import Weather
 from .perez import sun_of
-from .sun_position import nearness, sun_positions
+from .sky_series import suns_in
+from .sun_position import nearness
 
 
 def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, Sun, str]:
     """Sky and sun of the step of ``weather`` in which ``time`` lies, and that step in words.
 
-    Radiation is the mean over a step, and the sun stands as it does in its middle.
+    Radiation is the mean over a step, and the sun stands as it does in its middle; where it rises
+    or sets meanwhile, in the middle of the part in which it is up.
 
     Parameters
     ----------
@@ -52,8 +54,10 @@ def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, S
             f"{last:%m-%d %H:%M}"
         )
     begin = weather.starts[step].astype("datetime64[s]").item()
-    altitude, azimuth = sun_positions(weather.site, weather.middles_utc[step : step + 1])
+    altitude, azimuth, part = suns_in(weather, [step])
     told = f"step of {weather.step_minutes} min from {begin:%m-%d %H:%M} local standard time"
+    if 0.0 < part[0] < 1.0:
+        told += f", the sun being up for {part[0]:.0%} of it"
     diffuse = float(weather.diffuse_horizontal_w_m2[step])
     if altitude[0] <= 0.0 or not diffuse > 0.0:
         raise InputError(

@@ -10,6 +10,7 @@ from patchlight.solver.errors import InputError
 DEMOS = {
     "office": "side-lit office with a curved wall, a dome, furniture and two lamps",
     "conference": "conference room without daylight: 24 lamps, a curved table, chairs and pots",
+    "outdoors": "a ring and a ball on a hill, with their shadows of sun and sky",
 }
 
 
@@ -27,6 +28,10 @@ def write_demo(name: str, folder: Path) -> Path:
         from . import conference
 
         return conference.write(folder)
+    if name == "outdoors":
+        from . import outdoors
+
+        return outdoors.write(folder)
     from . import office
 
     return office.write(folder)

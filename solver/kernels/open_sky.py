@@ -16,6 +16,9 @@ from .pyramid import see_blockers
 from .sky_line import STEEP, hide
 from .sky_sweep import add_breaks, cut_patch, list_sector, make_sweep
 
+#: What is said of a sector: its nodes are written down, something else has to find them, or there
+#: is no room for all of them.
+TOLD, ELSEWHERE, NO_ROOM = range(3)
 #: Gauss' rule of two points on 0 … 1.
 _FIRST, _SECOND = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
 
@@ -24,7 +27,7 @@ _FIRST, _SECOND = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
 def _free(hidden, hid, a, b, cos, sin, weight, panel, out, count):
     """Write down nodes on what is free of a half-plane above the horizon; see `open_directions`.
 
-    Returns how many there are, −1 where there is no room for them.
+    Returns how many there are, −`NO_ROOM` where there is no room for them.
     """
     first, last = 0.0, STEEP
     if b > 0.0:
@@ -42,7 +45,7 @@ def _free(hidden, hid, a, b, cos, sin, weight, panel, out, count):
         panels = int((end - start) / panel) + 1
         step = (end - start) / panels
         if count + 2 * panels > out.shape[0]:
-            return -1
+            return -NO_ROOM
         for k in range(panels):
             for g in range(2):
                 altitude = start + step * (k + (_FIRST if g == 0 else _SECOND))
@@ -55,10 +58,10 @@ def _free(hidden, hid, a, b, cos, sin, weight, panel, out, count):
 
 @lean
 def _sector(x, n, start, end, count, blockers, tone, width, panel, work, out, found):
-    """Add the nodes of one sector to ``found`` of them; −1 where it is left."""
+    """Add the nodes of one sector to ``found`` of them; −`ELSEWHERE` or −`NO_ROOM` where not."""
     breaks = add_breaks(start, end, count, n, blockers, tone, work)
     if breaks < 0:
-        return -1
+        return -ELSEWHERE
     for i in range(breaks - 1):
         low, high = work.breaks[i], work.breaks[i + 1]
         if high - low < 1e-11:
@@ -82,7 +85,7 @@ def _sector(x, n, start, end, count, blockers, tone, width, panel, work, out, fo
                     work.hidden, hid, along, n[2], cos, sin, 0.5 * step, panel, out, found
                 )
                 if found < 0:
-                    return -1
+                    return found
     return found
 
 
@@ -110,9 +113,10 @@ def open_directions(
         Receives unit vectors, and solid angle times cosine at the receiver. [sr]
     counts : (m,) int array
         Receives how many there are.
-    left : (m, sectors) bool array
-        Receives which sectors of azimuth, counted from +x towards +y, have none of their nodes
-        here: a curved surface may hide something there, or there is too much.
+    left : (m, sectors) int array
+        Receives `TOLD`, `ELSEWHERE` or `NO_ROOM` of each sector of azimuth, counted from +x
+        towards +y. None but the first have any of their nodes here: in the second a curved surface
+        may hide something, or there are too many edges.
     """
     sectors, tone = left.shape[1], np.empty(0)
     for i in nb.prange(nodes.shape[0]):
@@ -130,12 +134,12 @@ def open_directions(
             count = 0
             if trace:
                 count = list_sector(x0, y0, x1, y1, blockers, planar, curvy, work)
-            now = -1
+            now = -ELSEWHERE
             if count >= 0:
                 now = _sector(
                     x, n, start, end, count, blockers, tone, width, panel, work, out[i], found
                 )
-            left[i, k] = now < 0
+            left[i, k] = TOLD if now >= 0 else -now
             if now >= 0:
                 found = now
         counts[i] = found

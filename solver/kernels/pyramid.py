@@ -368,7 +368,7 @@ def _depth_of(s, cone, planes, depths, front_facing, tolerance):
 
 
 @lean
-def _blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
+def blocked(blockers, listed, first, count, x, dx, dy, dz, t_max, work):
     """Whether a blocker listed from ``first`` to ``count`` meets x + t d, 0 < t < t_max."""
     length2 = dx * dx + dy * dy + dz * dz
     for m in range(first, count):
@@ -398,7 +398,7 @@ def _point_blocked(s, u, v, x, blockers, listed, first, count, work, h, hu, hv):
     t_max = 1.0 - 1e-7
     if w == 0.0:
         w, t_max = 1.0, 1e300
-    return _blocked(blockers, listed, first, count, x, h[0] / w, h[1] / w, h[2] / w, t_max, work)
+    return blocked(blockers, listed, first, count, x, h[0] / w, h[1] / w, h[2] / w, t_max, work)
 
 
 @lean

@@ -29,7 +29,7 @@ _TINY = 1e-13
 
 
 @lean
-def _frame(s, e1, e2):
+def frame(s, e1, e2):
     """Unit vectors perpendicular to ``s`` and to each other."""
     if abs(s[2]) < 0.9:
         size = math.sqrt(s[0] * s[0] + s[1] * s[1])
@@ -181,7 +181,7 @@ def disc_light(s, n, radius, planes, usable, cover_list, count, work):
         if cover == owners.shape[0] or used + 4 > lines.shape[0]:
             return LEFT
         if not made:
-            _frame(s, e1, e2)
+            frame(s, e1, e2)
             made = True
         for k in range(4):
             a = planes[b, k]
@@ -196,16 +196,21 @@ def disc_light(s, n, radius, planes, usable, cover_list, count, work):
             used += 1
         owners[cover] = used
         cover += 1
-    if cover == 0 and cosine >= sine:
+    if cover == 0 and cosine >= sine and s[2] >= sine:
         return cosine
-    if cosine < sine:  # what is below the receiver's own horizon is hidden by it
+    for k in range(2):  # what is below the receiver's own horizon, or that of all, is hidden by it
+        ux, uy, uz = (n[0], n[1], n[2]) if k == 0 else (0.0, 0.0, 1.0)
+        height = ux * s[0] + uy * s[1] + uz * s[2]
+        if height >= sine:
+            continue
         if cover == owners.shape[0] or used == lines.shape[0]:
             return LEFT
         if not made:
-            _frame(s, e1, e2)
-        lines[used, 0] = -cosine
-        lines[used, 1] = -(n[0] * e1[0] + n[1] * e1[1] + n[2] * e1[2])
-        lines[used, 2] = -(n[0] * e2[0] + n[1] * e2[1] + n[2] * e2[2])
+            frame(s, e1, e2)
+            made = True
+        lines[used, 0] = -height
+        lines[used, 1] = -(ux * e1[0] + uy * e1[1] + uz * e1[2])
+        lines[used, 2] = -(ux * e2[0] + uy * e2[1] + uz * e2[2])
         used += 1
         owners[cover] = used
         cover += 1
@@ -292,7 +297,7 @@ def disc_rows(nodes, normals, suns, radius, blockers, straight, trace, out):
                 listed += 1
         for k in range(suns.shape[0]):
             s = suns[k]
-            if n[0] * s[0] + n[1] * s[1] + n[2] * s[2] <= -sine:
+            if n[0] * s[0] + n[1] * s[1] + n[2] * s[2] <= -sine or s[2] <= -sine:
                 out[i, k] = 0.0
                 continue
             count = 0

@@ -165,7 +165,7 @@ Sky = CIESky | PerezSky | PatchSky
 
 @dataclass(frozen=True, slots=True)
 class Sun:
-    """The sun as a disc of uniform luminance.
+    """The sun as a disc, of uniform luminance unless its limb is darker.
 
     Attributes
     ----------
@@ -177,6 +177,9 @@ class Sun:
         Radius of the disc. [arcmin]
     cct_k : float
         Colour. [K]
+    limb_darkening : bool
+        Whether the disc is darker towards its rim, as the sun is at 550 nm; see
+        `patchlight.solver.sun_disc`. Shadows are a little sharper then.
     """
 
     altitude_deg: float
@@ -184,8 +187,11 @@ class Sun:
     normal_illuminance_lx: float
     angular_radius_arcmin: float = 16.0
     cct_k: float = 5500.0
+    limb_darkening: bool = False
 
     def __post_init__(self) -> None:
+        if not isinstance(self.limb_darkening, bool):
+            raise InputError(f"Sun.limb_darkening = {self.limb_darkening!r}: must be True or False")
         store_number(self, "altitude_deg", -90.0, 90.0)
         store_number(self, "azimuth_deg", -360.0, 360.0)
         store_number(self, "normal_illuminance_lx", 0.0, 1e6)
@@ -199,7 +205,7 @@ class Sun:
         time: datetime.datetime | str,
         *,
         normal_illuminance_lx: float,
-        **more: float,
+        **more: Any,
     ) -> Sun:
         """The sun as it stands at a place and time.
 

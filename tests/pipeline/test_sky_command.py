@@ -225,6 +225,63 @@ def test_scene_files_say_all_that_the_api_can(folder, sky):
     assert sky_illuminance(near) != sky_illuminance(far) and near.sun_nearness == 1.03
 
 
+def test_weather_of_scene_files(folder, sky):
+    """Remarks on the file are told; the sun may set in the hour that is asked for."""
+
+    def change(rows):
+        values = [row.split(",") for row in rows]
+        values[20][13] = values[20][15] = "5"  # W/m² on a level plane from 20 to 21 h
+        values[2][32] = "-50"  # an albedo that cannot be
+        return [",".join(row) for row in values]
+
+    path = folder / "a.epw"
+    path.write_text(epw_text(rows=change), encoding="utf-8")
+    text = HEAD + "[sky]\nmodel = 'weather'\nfile = 'a.epw'\ntime = '2001-06-01T20:55'\n"
+    scene = load_scene(write(folder, text))
+    notes = scene.freeze().notes
+    assert any("Nowhere, XX: step of 60 min from 06-01 20:00" in note for note in notes)
+    assert any("taken for missing in 1 steps" in note for note in notes)
+    assert any("the sun being up for 17% of it" in note for note in notes)
+    # It sets at about 20:10, and stands in the middle of the part before.
+    assert 0.2 < scene.sky.sun_altitude_deg < 1.5
+    _, found, _ = sky("--scene", folder / "scene.toml")
+    assert found["remarks"] == list(scene.notes)
+    _, alone, _ = sky("--weather", path, "--time", "2001-06-01T20:55")
+    assert alone["sun_altitude_deg"] == found["sun_altitude_deg"]
+
+
+def test_limb_of_the_sun_in_scene_files(folder):
+    text = HEAD + "[sun]\naltitude_deg = 30\nazimuth_deg = 180\nnormal_illuminance_lx = 1000\n"
+    assert not load_scene(write(folder, text)).sun.limb_darkening
+    text += "limb_darkening = true\n"
+    scene = load_scene(write(folder, text))
+    assert scene.sun == Sun(30.0, 180.0, 1000.0, limb_darkening=True)
+    assert not any("limb" in note for note in scene.freeze().notes)
+    mirror = "[[assign]]\nparts = 'desk'\nmaterial = { reflectance = 0.1, mirror = 0.8 }\n"
+    notes = load_scene(write(folder, text + mirror)).freeze().notes
+    assert any("limb darkening is left out" in note for note in notes)
+    with pytest.raises(InputError, match=r"sun\.limb_darkening"):
+        load_scene(write(folder, text.replace("= true", "= 1")))
+
+
+def test_turbidity_of_colours(sky):
+    """That which is given, else that of the estimated level, else the usual one."""
+    place = ("--sun-altitude", 40, "--sun-azimuth", 0, "--color", "preetham")
+
+    def top(*options):
+        code, found, err = sky("clear", *place, *options)
+        assert code == 0, err
+        return found["luminance"][144]["x"], found["diffuse_horizontal_lx"]
+
+    assert top()[0] == top("--turbidity", 3)[0] != top("--turbidity", 5)[0]
+    assert top("--turbidity", 5)[1] == top()[1]  # the level does not depend on it
+    assert top("--estimated")[0] == top("--turbidity", 2.45)[0]
+    hazy = top("--estimated", "--turbidity", 5)
+    assert hazy[0] == top("--turbidity", 5)[0] and hazy[1] != top("--estimated")[1]
+    code, _, err = sky("clear", *place, "--turbidity", 8)
+    assert code == 2 and "turbidity = 8" in err and "6" in err
+
+
 def test_measured_skies_of_scene_files(folder):
     text = HEAD + "[sky]\nmodel = 'patches'\nfile = 'sky.csv'\nsun_altitude_deg = 30\n"
     scene = load_scene(write(folder, text + "sun_azimuth_deg = 180\n"))

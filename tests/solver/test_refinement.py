@@ -52,6 +52,9 @@ class Light:
     def at(self, points, normals, patches):
         return self.illuminance(points), np.full(len(points), self.nearness)
 
+    def stays(self, points, normals):
+        return np.ones(len(points))
+
 
 def refined(patches, light, allowed, *, counts=(1, 1), most=1000, two_sided=False, distance=1e3):
     p = len(patches)

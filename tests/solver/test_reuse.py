@@ -142,7 +142,7 @@ def test_light_of_dimmed_lamps_is_that_of_then_and_the_change(monkeypatch, flux,
         "DirectLight",
         lambda *of, **more: made.append(more["more"]) or DirectLight(*of, **more),
     )
-    found = now.relit(boxes, looked, before.light.exitances)
+    found = now.relit(boxes, looked, before.light.shining)
     assert len(made) == asked and all((more == 0.0).any() for more in made)
     # What makes up less than two hundredths of a point's light is taken to be in sight.
     for one, other in ((found.light, own.light), (found.told, own.told)):

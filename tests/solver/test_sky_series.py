@@ -94,6 +94,11 @@ def test_southern_hemisphere_and_polar_night():
 
 
 def test_nearness():
+    """Spencer's series: within 1e-3 of the orbit's extremes, 1 / (1 ∓ 0.0167)²."""
+    values = nearness(np.arange("2001-01-01", "2002-01-01", dtype="datetime64[D]"))
+    assert values.max() == pytest.approx(1 / (1 - 0.0167) ** 2, abs=1e-3)
+    assert values.min() == pytest.approx(1 / (1 + 0.0167) ** 2, abs=1e-3)
+    assert int(values.argmax()) < 8 and abs(int(values.argmin()) - 184) < 6
     found = nearness(np.array(["2001-01-03", "2001-07-04", "2001-04-04"], "datetime64[m]"))
     np.testing.assert_allclose(found, [1.0350, 0.9666, 1.0], atol=1.5e-3)
 

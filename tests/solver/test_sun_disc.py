@@ -6,7 +6,8 @@ from patchlight.pipeline import PatchSet, Scene, SensorGrid
 from patchlight.solver.budget import Budget
 from patchlight.solver.model.sky import direction
 from patchlight.solver.open_sky import OpenSky
-from patchlight.solver.sun_light import RADIUS_ARCMIN, SunLight, straight_sided
+from patchlight.solver.sun_disc import straight_sided
+from patchlight.solver.sun_light import RADIUS_ARCMIN, SunLight
 from patchlight.solver.topology import make_blockers
 
 UP = (0.0, 0.0, 1.0)

@@ -240,6 +240,26 @@ def test_closed_room_and_ground_that_is_not_said():
     assert not found.sun_direct.any()
 
 
+def test_many_open_directions_have_room():
+    """The nodes of 9217 cells about a receiver in the open add up with none of them left to rays.
+
+    Gauss' rule of two points, in panels of a degree: 1e-9 of an even sky.
+    """
+    scene = Scene()
+    scene.add(quad((0, 0, -5), (1, 0, -5), (1, 1, -5), (0, 1, -5)), "plate", two_sided=True)
+    data = scene.freeze()
+    blockers = make_blockers(data.patches, data.closed, data.patches.part_index)
+    points, normals = np.array([[0.5, 0.5, 1.0]] * 3), np.array([[0.0, 0.0, 1.0]] * 3)
+    sky = OpenSky(data, blockers, trace=True)
+    seen = sky.seen(points, normals, dome_grid(8), np.full(3, np.pi))
+    assert not seen.by_rays.any()
+    assert seen.scaled < 1e-8
+    np.testing.assert_allclose(seen.weights[2].sum(), np.pi, rtol=1e-12)
+    # What is a tenth too little of an even sky is told.
+    off = sky.seen(points, normals, dome_grid(4), np.full(3, 0.9 * np.pi))
+    assert off.scaled == pytest.approx(0.1, rel=1e-6)
+
+
 @pytest.mark.parametrize("ball", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_open_directions_under_a_narrow_sky(ball):
     """Weights of cells past flat edges and round a ball, against the exact dome of one sky."""

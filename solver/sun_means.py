@@ -1,0 +1,132 @@
+"""Means of the sun's direct light over parts of elements, where the edge of a sun patch crosses.
+
+An element takes light at its nodes for light all over it: at the edge of a sun patch that is wrong
+by as much as a node stands for. There each unknown gets the mean over the part of the element that
+it stands for, a part of the weight of its node, so that the light that elements get adds up to what
+falls on them. It is told by rays from points spread evenly over the part to places spread evenly
+over the disc.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .beams import LIFT, STEPS
+from .model.arrays import FloatArray, IntArray
+from .model.bezier import surface_points
+from .model.elements import Elements
+from .model.sky import Sun, direction
+from .open_sky import OpenSky
+from .unknowns import Unknowns, composite
+
+#: Points a part at which it is looked whether an edge crosses it, and from which the mean is told:
+#: the edge is found to an eighth of the part, and errors of parts along it have either sign.
+LOOKS, POINTS = 32, 64
+#: Standard deviation of the share of a part that points tell: evenly spread ones err by N^(−3/4) or
+#: so, half of that as edges cross parts anywhere.
+_DEVIATION = 0.5 * POINTS**-0.75
+#: Difference of light at the node and at the points that is none, relative.
+_SAME = 1e-2
+
+
+def put_sun_means(
+    light: FloatArray, variance: FloatArray, sun: Sun, color: FloatArray, elements: Elements,
+    unknowns: Unknowns, sky: OpenSky,
+) -> int:  # fmt: skip
+    """Put means into ``light`` (N, b) at the unknowns, in place; returns how many.
+
+    Parameters
+    ----------
+    light : (N, b) array
+        Illuminance by ``sun`` at the unknowns. [lx]
+    variance : (N,) array
+        Of their light; that of means is added. [lx²]
+    color : (b,) array
+        Colour of the sun, of luminance 1.
+    elements : Elements
+        Of the mesh.
+    unknowns : Unknowns
+        Those of its elements, or of some of them more finely.
+    sky : OpenSky
+        Tells what is open, and what panes keep back.
+    """
+    rows, parts = _parts(elements, unknowns)
+    toward = np.array(direction(sun.altitude_deg, sun.azimuth_deg))
+    at_node = light[rows].max(axis=1) / color.max()
+    nodes = unknowns.receivers.normals[rows, 0] @ toward
+    free = sun.normal_illuminance_lx * np.maximum(nodes, 0.0)
+    lit, most = _mean(elements, unknowns.element[rows], parts, LOOKS, sun, sky)
+    # As far as it is lit, or not, all over.
+    even = (np.abs(lit - most) <= _SAME * most) & (np.abs(at_node - free) <= _SAME * free)
+    even |= (lit <= _SAME * most) & (at_node <= _SAME * free)
+    some = np.flatnonzero(~even)
+    if len(some):
+        found, whole = _mean(elements, unknowns.element[rows[some]], parts[some], POINTS, sun, sky)
+        light[rows[some]] = found[:, None] * color
+        variance[rows[some]] += (_DEVIATION * whole) ** 2
+    return len(some)
+
+
+def _parts(elements: Elements, unknowns: Unknowns) -> tuple[IntArray, FloatArray]:
+    """Unknowns (k,) of elements that get light all over, and the part (k, 4) that each stands for.
+
+    Parts are u0, u1, v0, v1 of the net of the element.
+    """
+    count = np.bincount(unknowns.element, minlength=len(elements))
+    first = np.searchsorted(unknowns.element, np.arange(len(elements)))
+    rank = np.arange(len(unknowns.element)) - first[unknowns.element]
+    whole = ~elements.buried.any(axis=1)
+    order = 1 if unknowns.basis is None else len(unknowns.basis.rule)
+    rows, parts = [np.empty(0, dtype=np.int64)], [np.empty((0, 4))]
+    for n in np.unique(count[whole]).tolist():
+        side = math.isqrt(n)
+        if n == 0 or side * side != n or (side > 1 and side % order):
+            continue
+        weight = np.full(side, 1.0 / side)
+        if side > 1:
+            weight = composite(order, side // order)[1]
+        ends = np.append(0.0, np.cumsum(weight))
+        ends[-1] = 1.0
+        own = np.flatnonzero((whole & (count == n))[unknowns.element])
+        u, v = rank[own] // side, rank[own] % side
+        rows.append(own)
+        parts.append(np.stack([ends[u], ends[u + 1], ends[v], ends[v + 1]], axis=1))
+    found = np.concatenate(rows)
+    back = np.argsort(found, kind="stable")
+    return found[back], np.concatenate(parts)[back]
+
+
+def _mean(
+    elements: Elements, element: IntArray, parts: FloatArray, points: int, sun: Sun, sky: OpenSky
+) -> tuple[FloatArray, FloatArray]:
+    """Mean illuminance (k,) of parts by the sun, and what it is with nothing in the way. [lx]"""
+    turn = np.arange(len(parts) * points).reshape(len(parts), points)
+    a, b = (np.mod(0.5 + turn * step, 1.0) for step in STEPS)
+    u = parts[:, :1] + a * (parts[:, 1:2] - parts[:, :1])
+    v = parts[:, 2:3] + b * (parts[:, 3:] - parts[:, 2:3])
+    where, su, sv = surface_points(elements.nets[element], u, v)
+    vectors = np.cross(su, sv)
+    size = np.linalg.norm(vectors, axis=2)
+    normals = vectors / np.where(size > 0.0, size, 1.0)[..., None]
+    share = size / np.maximum(size.sum(axis=1), 1e-300)[:, None]
+    lift = LIFT * float(np.ptp(elements.nodes.reshape(-1, 3), axis=0).max(initial=0.0))
+    where = where + lift * normals
+    # Places on the disc, of equal area each, in another order than the points.
+    radius = math.tan(math.radians(sun.angular_radius_arcmin / 60.0))
+    far = radius * np.sqrt(np.mod(0.5 + turn * 0.618033988749895, 1.0))
+    around = 2.0 * math.pi * np.mod(turn * 0.414213562373095, 1.0)
+    toward = np.array(direction(sun.altitude_deg, sun.azimuth_deg))
+    e1 = np.cross(toward, np.eye(3)[int(np.argmin(np.abs(toward)))])
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(toward, e1)
+    d = toward + (far * np.cos(around))[..., None] * e1 + (far * np.sin(around))[..., None] * e2
+    cosine = np.maximum(normals @ toward, 0.0) * share
+    seen = (cosine > 0.0) & (d[..., 2] > 0.0)
+    keep = np.zeros(cosine.shape)
+    keep[seen] = sky.is_open(where[seen], d[seen])
+    lit = keep > 0.0
+    keep[lit] = sky.share(where[lit], d[lit])
+    level = sun.normal_illuminance_lx
+    return level * (cosine * keep).sum(axis=1), level * cosine.sum(axis=1)

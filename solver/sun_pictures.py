@@ -1,0 +1,105 @@
+"""Direct light of the sun in pictures: told anew at each pixel.
+
+Rays to the rim of the disc tell whether it is seen as a whole or not at all; where they differ,
+rays to places of equal area all over it are counted. At pixels next to others of another luminance
+that is done four times and more: half-shadows are good to a hundredth.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kernels.pyramid import Blockers
+from .model.arrays import FloatArray, IntArray
+from .model.scene import SceneData
+from .model.shapes import frame
+from .model.sky import direction
+from .open_sky import OpenSky
+from .shine import Seen
+from .spectra import cct_to_rgb
+
+#: Places on the rim, and how far from the middle they are, in radii: what a shadow edge beyond all
+#: of them hides is a tenth of the disc at most.
+RIM, OUT = 4, 0.98
+#: Places of equal area all over the disc.
+PLACES = 32
+#: Distance above a surface from which its light is told, relative to the size of the scene.
+LIFT = 1e-6
+
+
+class SunInPictures:
+    """The sun of one scene on what its cameras see.
+
+    Parameters
+    ----------
+    scene : SceneData
+        With a sun.
+    blockers : Blockers
+        Its opaque patches as obstacles.
+    trace : bool
+        Whether anything can hide anything.
+    bands : int
+        1 or 3.
+    """
+
+    def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool, bands: int) -> None:
+        assert scene.sun is not None
+        self.sun = scene.sun
+        self.sky = OpenSky(scene, blockers, trace=trace)
+        low, high = scene.patches.bounds()
+        self.lift = LIFT * float(np.linalg.norm(high - low))
+        toward = np.array(direction(self.sun.altitude_deg, self.sun.azimuth_deg))
+        e1, e2, _ = frame(toward)
+        radius = math.tan(math.radians(self.sun.angular_radius_arcmin / 60.0))
+        golden = math.pi * (3.0 - math.sqrt(5.0))
+        turns = np.append(2.0 * math.pi * np.arange(RIM) / RIM, golden * np.arange(PLACES))
+        far = np.append(np.full(RIM, OUT), np.sqrt((np.arange(PLACES) + 0.5) / PLACES))
+        x, y = (radius * far * a for a in (np.cos(turns), np.sin(turns)))
+        self._places = toward + x[:, None] * e1 + y[:, None] * e2
+        self._toward = toward
+        color = np.ones(1) if bands == 1 else cct_to_rgb(self.sun.cct_k)
+        index = scene.material_index
+        shares = np.zeros((*index.shape, bands))
+        for row, material in enumerate(scene.materials):
+            shares[index == row] = material.scattered_bands[:bands]
+        #: What a side of a patch sends on of 1 lx, as luminance. [cd/(m² lx)]
+        self._sent = shares * color / math.pi
+
+    def light(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Illuminance (k,) at points (k, 3) of surfaces. [lx]"""
+        out = np.zeros(len(points))
+        some = np.flatnonzero(normals @ self._toward > -math.sin(0.01))
+        at = points[some] + self.lift * normals[some]
+        lit = self._lit(at, self._places[:RIM])
+        whole, partly = lit.all(axis=1), lit.any(axis=1) & ~lit.all(axis=1)
+        share: FloatArray = np.where(whole, 1.0, 0.0)
+        share[partly] = np.mean(self._lit(at[partly], self._places[RIM:]), axis=1)
+        height = np.maximum(normals[some] @ self._toward, 0.0)
+        out[some] = self.sun.normal_illuminance_lx * share * height
+        seen = np.flatnonzero(out > 0.0)
+        if self.sky.has_panes and len(seen):
+            start = points[seen] + self.lift * normals[seen]
+            out[seen] *= self.sky.share(start, np.broadcast_to(self._toward, start.shape))
+        return out
+
+    def _lit(self, points: FloatArray, places: FloatArray) -> NDArray[np.bool_]:
+        """Whether places (r, 3) on the disc are seen from points (k, 3): (k, r)."""
+        out = np.zeros((len(points), len(places)), dtype=bool)
+        for k, d in enumerate(places):
+            if d[2] > 0.0:  # what is below the horizon does not shine
+                out[:, k] = self.sky.is_open(points, np.broadcast_to(d, points.shape))
+        return out
+
+    def add(
+        self, rgb: FloatArray, illuminance: FloatArray, rows: IntArray, at: FloatArray, seen: Seen
+    ) -> None:
+        """Add it to luminance (m, 3) and illuminance (m,) where ``rows`` of m rays met surfaces.
+
+        They did so ``at`` points (k, 3).
+        """
+        lux = self.light(at, seen.normals[rows])
+        illuminance[rows] += lux
+        rgb[rows] += lux[:, None] * self._sent[seen.hits.patch[rows], seen.side[rows]]
