@@ -1,6 +1,6 @@
 """Data types shared by all packages; NumPy only."""
 
-from .cad import Certificate, Face, Model, Part
+from .cad import EDGE_KINDS, CadEdges, Certificate, Face, Model, Part
 from .daylight import DaylightFactors, DaylightShares
 from .elements import Elements
 from .glazing import Glass, Glazing
@@ -16,8 +16,10 @@ from .weather import Weather
 
 __all__ = [
     "BLACK",
+    "EDGE_KINDS",
     "Air",
     "Balance",
+    "CadEdges",
     "CIESky",
     "Camera",
     "CameraImage",
