@@ -155,7 +155,8 @@ def _orient(out: Converted, senses: list[Senses]) -> None:
         nets = [f.nets for f in out.faces if len(f.nets)]
     every = np.concatenate(nets)
     volume, vector, area = moments.volume_and_vector(every)
-    complete = len(nets) == len(out.faces)
+    # Free edges, and faces that are missing, are named by themselves.
+    complete = len(nets) == len(out.faces) and not any(f.free_edge for f in out.faces)
     if complete and np.linalg.norm(vector) > 1e-3 * area:
         out.notes.append("the solid is not closed: its faces do not enclose a volume")
     if volume < 0.0:

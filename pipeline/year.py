@@ -138,7 +138,8 @@ def simulate_year(
     dims: tuple[str, ...] = ("sensor", "time")
     if isinstance(scene, Scene) and scene.states:
         small, dims = small.assign_coords(state=list(scenes)), ("state", *dims)
-    notes = [note for data in scenes.values() for note in data.notes if note != NO_LIGHT]
+    notes = [text for data in scenes.values() for text in data.warnings]
+    notes += [note for data in scenes.values() for note in data.notes if note != NO_LIGHT]
     remarks = [*weather.remarks, *far, *notes, *found.pop("warnings", [])]
     small.attrs = {
         "schema_version": SCHEMA_VERSION,

@@ -9,13 +9,14 @@ from .patch_sky import PatchSky
 from .patches import PatchSet
 from .photometry import Photometry, Web
 from .result import Balance, CameraImage, Result, SensorResult, SurfaceResult
-from .scene import BLACK, Luminaire, SceneData, SceneFace, ScenePart, Source
+from .scene import BLACK, CONTACT, Luminaire, SceneData, SceneFace, ScenePart, Source
 from .sky import CIESky, Ground, PerezSky, Site, Sky, Sun
 from .views import Camera, Sensors
 from .weather import Weather
 
 __all__ = [
     "BLACK",
+    "CONTACT",
     "EDGE_KINDS",
     "Air",
     "Balance",
