@@ -37,6 +37,8 @@ AREA_EXACT = 1e-6
 FOLD = 1e-7
 #: Share of a curved face that cells may cover twice: too little to see in its area.
 THIN_LOSS = 1e-6
+#: Where gaps along edges are measured.
+GAP_PLACES = np.linspace(0.0, 1.0, 7)
 MISSED = "the tolerance was not reached"
 
 
@@ -261,10 +263,9 @@ def _edge_gap(raw: RawFace) -> float:
         for use in uses:
             if use.edge.curve is None or use.curve is None:
                 continue
-            f = np.linspace(0.0, 1.0, 7)
-            uv.append(use.curve.evaluate(use.start + (use.end - use.start) * f))
+            uv.append(use.curve.evaluate(use.start + (use.end - use.start) * GAP_PLACES))
             edge = use.edge
-            space.append(edge.curve.evaluate(edge.start + (edge.end - edge.start) * f))  # type: ignore[union-attr]
+            space.append(edge.curve.evaluate(edge.start + (edge.end - edge.start) * GAP_PLACES))  # type: ignore[union-attr]
     if not uv or raw.surface is None:
         return 0.0
     p = np.concatenate(uv)

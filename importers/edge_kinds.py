@@ -14,7 +14,7 @@ from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import EDGE_KINDS
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .compare import BoolArray
+from .compare import BoolArray, cross, length
 from .curves import BSpline, Line
 from .extract import Edge, EdgeUse, RawFace
 from .free_edges import Lone, lone_edges
@@ -158,22 +158,25 @@ class _Uses:
         out = np.full((*shares.shape, 3), np.nan)
         surfaces: list[Surface] = []
         number: dict[int, int] = {}
-        curved, which = [], []
+        curved, which, flat = [], [], []
         for k, (row, i) in enumerate(zip(rows.tolist(), self.face[rows].tolist(), strict=True)):
             surface = self.raws[i].surface
             if isinstance(surface, Plane):
-                out[k] = np.cross(surface.frame[1], surface.frame[2])
+                flat.append((k, *surface.frame[1], *surface.frame[2]))
             elif surface is not None and self.uses[row].curve is not None:
                 if i not in number:
                     number[i] = len(surfaces)
                     surfaces.append(surface)
                 curved.append(k)
                 which.append(number[i])
+        if flat:
+            planes = np.array(flat)
+            out[planes[:, 0].astype(int)] = cross(planes[:, 1:4], planes[:, 4:])[:, None]
         if curved:
             uv = _places([self.uses[rows[k]] for k in curved], shares[curved])
             _, pu, pv = SurfaceBatch(surfaces).evaluate(np.array(which), uv[..., 0], uv[..., 1])
-            n = np.cross(pu, pv)
-            size = np.linalg.norm(n, axis=2, keepdims=True)
+            n = cross(pu, pv)
+            size = length(n)[..., None]
             out[curved] = np.where(
                 size > NO_NORMAL * size.max(axis=1, keepdims=True), n / size, np.nan
             )
@@ -220,6 +223,6 @@ def _angles(
         return np.zeros(0)
     n, m = uses.normals(a, at), uses.normals(b, on)
     m = np.where(same[:, None, None], -m, m)
-    angle = np.arctan2(np.linalg.norm(np.cross(n, m), axis=2), (n * m).sum(axis=2))
+    angle = np.arctan2(length(cross(n, m)), (n * m).sum(axis=2))
     known = np.isfinite(angle)
     return np.where(known.any(axis=1), np.degrees(np.where(known, angle, 0.0).max(axis=1)), np.nan)

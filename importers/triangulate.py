@@ -20,7 +20,8 @@ FLAT = 1e-8
 def signed_area(points: FloatArray) -> float:
     """Signed area of a closed polygon (n, 2), counter-clockwise positive."""
     x, y = points[:, 0], points[:, 1]
-    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+    last = x[-1] * y[0] - y[-1] * x[0]
+    return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:] + last)
 
 
 def overlapping(
