@@ -70,7 +70,7 @@ class Mesh:
     def _flipped(self, numbers: list[list[int]], before: int) -> list[Triangle] | None:
         """Delaunay's triangles within loops, of which ``before`` vertices were there already."""
         # They are kept as they are between displaced points: flat ones would hold up later flips.
-        moved = nudged(self.points)
+        moved = nudged(self.points, len(numbers))
         border = border_of(numbers)
         found = None
         if self._moved and (refined := self._refined(numbers, before, moved)):

@@ -88,17 +88,17 @@ def triangulate(loops: list[FloatArray]) -> list[Triangle] | None:
     points = np.concatenate(loops)
     ends = np.cumsum([len(p) for p in loops]).tolist()
     numbers = [[*range(a, b)] for a, b in zip([0, *ends], ends, strict=False)]
-    moved = nudged(points)
+    moved = nudged(points, len(loops))
     found = clipped(moved, numbers)
     if found is None:
         return None
     return settled(points, flipped(moved, found, border_of(numbers)), numbers)
 
 
-def nudged(points: FloatArray) -> FloatArray:
-    """Points (n, 2), each displaced by a tiny fixed step of its own."""
-    # Squares: steps linear in the number would leave rows of a grid on one line.
-    k = np.arange(len(points)) ** 2
+def nudged(points: FloatArray, loops: int = 3) -> FloatArray:
+    """Points (n, 2) of so many loops, each displaced by a tiny fixed step of its own."""
+    # Squares: steps linear in the number would leave rows of a grid of holes on one line.
+    k = np.arange(len(points)) ** (2 if loops > 2 else 1)
     size = float(np.ptp(points, axis=0).max())
     step = np.stack([np.modf(0.6180339887 * k)[0], np.modf(0.7548776662 * k)[0]], axis=1) - 0.5
     return np.asarray(points + 1e-7 * size * step)
