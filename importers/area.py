@@ -14,6 +14,7 @@ from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import gauss_rule
 
 from .arcs import Arc, Chord, EdgeArc
+from .compare import cross, length
 from .curves import Conic, Curve
 from .domain import Domain
 from .extract import RawFace
@@ -124,7 +125,7 @@ def _jacobian(surface: Surface, u: FloatArray, v: FloatArray) -> FloatArray:
     for start in range(0, len(u), BLOCK):
         some = slice(start, start + BLOCK)
         _, a, b = surface.evaluate(u[some], v[some])
-        out[some] = np.linalg.norm(np.cross(a, b), axis=-1)
+        out[some] = length(cross(a, b))
     return out
 
 

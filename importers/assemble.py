@@ -14,12 +14,12 @@ from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.ShapeFix import ShapeFix_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from patchlight.solver.errors import GeometryError
-from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
+from patchlight.solver.model import CadEdges, Certificate, Face, Model, Part, PatchSet
 
 from . import kept_parts, moments
 from .convert import AREA_LIMIT, FacePatches, check_area, convert_faces
+from .edge_kinds import EdgeFacts, edge_facts
 from .extract import Extractor, faces_of
-from .free_edges import free_lengths
 from .occurrences import Body, Looks
 from .orientation import Senses, flips
 from .plausible import size_warnings
@@ -46,7 +46,7 @@ class Converted:
 
     faces: list[FacePatches]
     shapes: list[Any]
-    edge_count: int
+    edges: EdgeFacts
     size: float
     kind: str
     seconds: float = 0.0
@@ -127,13 +127,14 @@ def _convert(shape: Any, kind: str, options: Options) -> tuple[Converted, list[S
             for raw, face in zip(raws, faces, strict=True):
                 check_area(raw, face)
         spent = time.perf_counter() - start if options.check_areas else 0.0
-    for face, free in zip(faces, free_lengths(raws, tolerance), strict=True):
+        edges, free_lengths = edge_facts(raws, extractor.count, tolerance, options.angle_deg)
+    for face, free in zip(faces, free_lengths, strict=True):
         face.domain, face.free_edge = None, free
     senses = [
         [(u.edge.index, u.reversed ^ raw.reversed) for uses in raw.loops for u in uses]
         for raw in raws
     ]
-    part = Converted(faces, shapes, extractor.count, size, kind, area_seconds=spent)
+    part = Converted(faces, shapes, edges, size, kind, area_seconds=spent)
     return part, senses
 
 
@@ -154,7 +155,8 @@ def _orient(out: Converted, senses: list[Senses]) -> None:
         nets = [f.nets for f in out.faces if len(f.nets)]
     every = np.concatenate(nets)
     volume, vector, area = moments.volume_and_vector(every)
-    complete = len(nets) == len(out.faces)
+    # Free edges, and faces that are missing, are named by themselves.
+    complete = len(nets) == len(out.faces) and not any(f.free_edge for f in out.faces)
     if complete and np.linalg.norm(vector) > 1e-3 * area:
         out.notes.append("the solid is not closed: its faces do not enclose a volume")
     if volume < 0.0:
@@ -199,6 +201,7 @@ def assemble(
     sets: list[PatchSet] = []
     notes = list(notes)
     shapes: list[list[Any]] = []
+    edges: list[EdgeFacts] = []
     edge_base, area_seconds = 0, 0.0
     for row, body in enumerate(bodies):
         key = keys.Add(body.shape)
@@ -217,11 +220,12 @@ def assemble(
         scaled = np.array([metres, metres, metres, 1.0])
         area_factor = metres**2 * float(linear[0] * linear[1])
         moved = placement @ np.diag(scaled)
+        edges.append(found.edges.of_faces_from(len(faces)))
         for number, (face, looks) in enumerate(zip(found.faces, inner, strict=True), 1):
             if len(face.nets):
-                edges = np.where(face.edges >= 0, face.edges + edge_base, -1)
+                sides = np.where(face.edges >= 0, face.edges + edge_base, -1)
                 n = len(face.nets)
-                patches = PatchSet(face.nets, np.full(n, len(faces)), np.full(n, row), edges)
+                patches = PatchSet(face.nets, np.full(n, len(faces)), np.full(n, row), sides)
                 sets.append(patches.moved(moved))
             length = metres * float(linear[0])
             faces.append(
@@ -234,7 +238,7 @@ def assemble(
                     color=looks.color,
                 )
             )  # fmt: skip
-        edge_base += found.edge_count
+        edge_base += len(found.edges.kind)
         shapes.append(found.shapes)
         parts.append(
             Part(
@@ -256,13 +260,20 @@ def assemble(
     patches = PatchSet.concatenated(*sets)
     warnings = size_warnings(name, parts, patches, from_file=source != "cadquery")
     warnings += _failures(parts, faces) + _open(parts, faces)
+    every = CadEdges(
+        np.concatenate([e.kind for e in edges]),
+        np.repeat(np.arange(len(edges)), [len(e.kind) for e in edges]),
+        np.concatenate([e.faces for e in edges]),
+        np.concatenate([e.angle_deg for e in edges]),
+    )
     certificate = Certificate(
         tuple(faces), tuple(p.path for p in parts),
         time.perf_counter() - started - area_seconds, tuple(notes), read - started, area_seconds,
+        every.counts(len(parts)),
     )  # fmt: skip
     model = Model(
         name, tuple(parts), tuple(faces), patches, certificate, source, sha256, unit,
-        tuple(warnings),
+        tuple(warnings), every,
     )  # fmt: skip
     return model, shapes
 

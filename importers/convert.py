@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ AREA_EXACT = 1e-6
 FOLD = 1e-7
 #: Share of a curved face that cells may cover twice: too little to see in its area.
 THIN_LOSS = 1e-6
+#: Where gaps along edges are measured.
+GAP_PLACES = np.linspace(0.0, 1.0, 7)
 MISSED = "the tolerance was not reached"
 
 
@@ -166,7 +169,7 @@ def _planar(raw: RawFace, surface: Plane) -> Run:
     lowest, reason = math.inf, ""
     for attempt in range(3):
         try:
-            cells = _cells(domain, attempt, planar=True)
+            cells = _cells(domain, attempt, wanted)
         except GeometryError as error:
             reason = reason or str(error)
             continue
@@ -196,17 +199,27 @@ def _planar(raw: RawFace, surface: Plane) -> Run:
     return best
 
 
-def _folded(cells: list[Cell]) -> list[Cell]:
-    """Planar cells whose area is larger than their vector area: somewhere they turn over."""
+def _folded(cells: list[Cell], whole: float) -> list[Cell]:
+    """Planar cells whose area is larger than their vector area: somewhere they turn over.
+
+    ``whole`` is the area of the face, of which many cells together may have `FOLD` too much.
+    """
+    # Straight sides bound bilinear patches, whose corners would tell.
+    cells = [c for c in cells if any(a is not None and not a.straight for a in c.sides)]
+    if not cells:
+        return []
     nets = planar_nets(cells)
-    areas = bezier.areas(nets)
-    vectors = vector_areas(nets)
-    excess = areas - np.linalg.norm(vectors, axis=1)
-    return [c for c, e in zip(cells, excess, strict=True) if e > 1e-8 * areas.sum()]
+    excess = bezier.areas(nets) - np.linalg.norm(vector_areas(nets), axis=1)
+    return [c for c, e in zip(cells, excess, strict=True) if e > 0.01 * FOLD * whole]
 
 
-def _cells(domain: Domain, attempt: int, *, planar: bool, thin: float = THIN) -> list:
-    """Cells of all regions; later attempts start from arcs cut in two."""
+def _cells(domain: Domain, attempt: int, planar_area: float = 0.0, *, thin: float = THIN) -> list:
+    """Cells of all regions; later attempts start from arcs cut in two.
+
+    ``planar_area`` is the area of a planar face, 0 of others.
+    """
+    planar = planar_area > 0.0
+    folded = partial(_folded, whole=planar_area) if planar else None
     cells = []
     for region in domain.regions:
         loops = region
@@ -215,7 +228,6 @@ def _cells(domain: Domain, attempt: int, *, planar: bool, thin: float = THIN) ->
                 [part for a in loop for part in (a.halves() if not a.straight else (a,))]
                 for loop in loops
             ]
-        folded = _folded if planar else None
         cells.extend(cells_of(loops, domain.chord, planar=planar, folded=folded, thin=thin))
     return cells
 
@@ -251,10 +263,9 @@ def _edge_gap(raw: RawFace) -> float:
         for use in uses:
             if use.edge.curve is None or use.curve is None:
                 continue
-            f = np.linspace(0.0, 1.0, 7)
-            uv.append(use.curve.evaluate(use.start + (use.end - use.start) * f))
+            uv.append(use.curve.evaluate(use.start + (use.end - use.start) * GAP_PLACES))
             edge = use.edge
-            space.append(edge.curve.evaluate(edge.start + (edge.end - edge.start) * f))  # type: ignore[union-attr]
+            space.append(edge.curve.evaluate(edge.start + (edge.end - edge.start) * GAP_PLACES))  # type: ignore[union-attr]
     if not uv or raw.surface is None:
         return 0.0
     p = np.concatenate(uv)
@@ -334,7 +345,7 @@ def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN) -> Run:
             if box is not None:
                 cells = grid_cells(surface, box, domain.scale)
                 break
-            cells = _cells(domain, attempt, planar=False, thin=thin)
+            cells = _cells(domain, attempt, thin=thin)
         except GeometryError as error:
             reason = reason or str(error)
             continue

@@ -91,6 +91,11 @@ def inspection(model: Model) -> dict[str, Any]:
             "max_area_error": c.max_area_error,
             "max_gap_m": c.max_gap_m,
             "free_edge_m": c.free_edge_m,
+            "edges": c.edges,
+            "part_edges": [
+                {"part": path, **counts}
+                for path, counts in zip(c.part_paths, c.part_edges, strict=True)
+            ],
             "patches": c.patches,
             "seconds": c.seconds,
             "notes": list(c.notes),

@@ -2,87 +2,182 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from patchlight.solver.errors import GeometryError
-from patchlight.solver.model.arrays import FloatArray
-from patchlight.solver.model.bezier import bernstein, bernstein_derivative, gauss_rule
+from patchlight.solver.model.arrays import FloatArray, IntArray
+from patchlight.solver.model.bezier import gauss_rule
 
-from .chains import chain
-from .extract import Edge, RawFace
+from .extract import Edge
+from .triangulate import overlapping
 
-#: Where two edges are compared between their ends.
+#: Where edges are sampled to find those that lie on each other.
 INNER = np.linspace(0.0, 1.0, 33)
-#: A direction that no model is aligned with, along which edges are sorted.
-ASKEW = np.array([0.5773, 0.6081, 0.5450])
+#: Places within a stretch of an edge at which it must lie on another one.
+WITHIN = np.array([0.25, 0.5, 0.75])
+#: Share of an edge that is no stretch of its own.
+CLOSE = 1e-6
+#: Points that are compared with edges at a time: the temporary arrays stay small.
+BLOCK = 2000
+#: Steps of Newton's method from the nearest chord to the nearest point of a curve.
+STEPS = 3
 
 
-def free_lengths(raws: Sequence[RawFace], tolerance: float) -> list[float]:
-    """Length of the free edges of each face of a part. [file units]
+@dataclass(slots=True)
+class Lone:
+    """Edges (n,) that one face alone uses, and where they lie on each other.
 
-    An edge is free when one face alone uses it, once, and no other such edge lies on it within
-    ``tolerance``: faces that were never sewn together close up all the same.
+    ``free`` (n,) is the length of each one on which no other lies [file units], ``others`` (n,) the
+    largest number of others that lie on a stretch of it. A stretch of ``edge`` (m,) lies on
+    ``other`` (m,), at the shares ``at`` (m, 3) of the one and ``on`` (m, 3) of the other.
     """
-    uses = [(i, use.edge) for i, r in enumerate(raws) for loop in r.loops for use in loop]
-    count = Counter(edge.index for _, edge in uses)
-    lone = [(i, e) for i, e in uses if count[e.index] == 1 and e.curve is not None]
-    out = [0.0] * len(raws)
-    if not lone:
-        return out
-    points = np.array([_points(edge) for _, edge in lone])
-    for (i, edge), met in zip(lone, _met(points, tolerance), strict=True):
-        if not met:
-            out[i] += _length(edge)
-    return out
+
+    free: FloatArray
+    others: IntArray
+    edge: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    other: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    at: FloatArray = field(default_factory=lambda: np.zeros((0, len(WITHIN))))
+    on: FloatArray = field(default_factory=lambda: np.zeros((0, len(WITHIN))))
 
 
-def _points(edge: Edge) -> FloatArray:
+def lone_edges(edges: Sequence[Edge], tolerance: float) -> Lone:
+    """Which stretches of some edges lie on others of them, within ``tolerance`` [file units].
+
+    Faces that were never sewn together close up all the same, also where one edge meets several
+    shorter ones: each is divided where others end on it.
+    """
+    n = len(edges)
+    found = Lone(np.zeros(n), np.zeros(n, dtype=np.int64))
+    if not n:
+        return found
+    lines = _Lines(edges)
+    first, second = lines.near(tolerance)
+    cuts = _ends_on(lines, first, second, tolerance)
+    inner = [_cuts(c) for c in cuts]
+    edge = np.repeat(np.arange(n), [len(c) - 1 for c in inner])
+    start, end = np.concatenate([c[:-1] for c in inner]), np.concatenate([c[1:] for c in inner])
+    at = start[:, None] + (end - start)[:, None] * WITHIN
+    # Each stretch with each edge that is near its own one.
+    order = np.argsort(first, kind="stable")
+    base = np.searchsorted(first[order], edge)
+    count = np.searchsorted(first[order], edge, side="right") - base
+    stretch = np.repeat(np.arange(len(edge)), count)
+    step = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
+    other = second[order][np.repeat(base, count) + step]
+    points = lines.points_at(edge, at)
+    on, off = lines.nearest(points[stretch], other)
+    met = (off <= tolerance).all(axis=1)
+    stretch, found.other, found.on = stretch[met], other[met], on[met]
+    found.edge, found.at = edge[stretch], at[stretch]
+    times = np.bincount(stretch, minlength=len(edge))
+    np.maximum.at(found.others, edge, times)
+    for k in np.flatnonzero(times == 0).tolist():
+        found.free[edge[k]] += length(edges[edge[k]], float(start[k]), float(end[k]))
+    return found
+
+
+def length(edge: Edge, a: float, b: float) -> float:
+    """Length of an edge between the shares ``a`` and ``b`` of its parameters. [file units]"""
     assert edge.curve is not None
-    return edge.curve.evaluate(edge.start + (edge.end - edge.start) * INNER)
-
-
-def _met(points: FloatArray, tolerance: float) -> list[bool]:
-    """Which of some edges (n, k, 3) another one of them lies on."""
-    middle = 0.5 * (points[:, 0] + points[:, -1])
-    place = middle @ ASKEW
-    order = np.argsort(place, kind="stable")
-    first = np.searchsorted(place[order], place - 2.0 * tolerance)
-    last = np.searchsorted(place[order], place + 2.0 * tolerance, side="right")
-    out = []
-    for i, own in enumerate(points):
-        others = order[first[i] : last[i]]
-        others = others[others != i]
-        others = others[np.abs(middle[others] - middle[i]).max(axis=1) <= tolerance]
-        out.append(any(_same(own, points[j], tolerance) for j in others.tolist()))
-    return out
-
-
-def _same(a: FloatArray, b: FloatArray, tolerance: float) -> bool:
-    """Whether edges (k, 3) have the same ends, and the middle of one lies on the other."""
-    if np.abs(b[0] - a[0]).max() > tolerance:
-        b = b[::-1]
-    if max(np.abs(b[0] - a[0]).max(), np.abs(b[-1] - a[-1]).max()) > tolerance:
-        return False
-    d = np.diff(b, axis=0)
-    away = a[len(a) // 2] - b[:-1]
-    share = np.clip((away * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), 1e-300), 0.0, 1.0)
-    off = np.linalg.norm(away - share[:, None] * d, axis=1)
-    # Chords of the polygon leave a curve by an eighth of their length times the angle it turns,
-    # there where the middle is.
-    nearest = int(off.argmin())
-    bend = np.linalg.norm(np.diff(d[max(nearest - 1, 0) : nearest + 2], axis=0), axis=1)
-    return bool(off[nearest] <= tolerance + bend.max(initial=0.0) / 8.0)
-
-
-def _length(edge: Edge) -> float:
     x, w = gauss_rule(8)
-    try:
-        nets = np.array([net for piece in chain(edge) for net in piece.cubics])
-    except (GeometryError, np.linalg.LinAlgError, ArithmeticError, IndexError, ValueError):
-        # Faces with such an edge are not converted, which is said of them; its length is near this.
-        return float(np.linalg.norm(np.diff(_points(edge), axis=0), axis=1).sum())
-    h, slope = bernstein(x) @ nets, bernstein_derivative(x) @ nets
-    d = (slope[..., :3] - slope[..., 3:] * h[..., :3] / h[..., 3:]) / h[..., 3:]
-    return float((np.linalg.norm(d, axis=2) @ w).sum())
+    extent = edge.end - edge.start
+    breaks = edge.curve.breaks(edge.start + a * extent, edge.start + b * extent)
+    # Ellipses turn the whole way round within one span.
+    cuts = np.append(np.linspace(breaks[:-1], breaks[1:], 4, endpoint=False).T, breaks[-1])
+    steps = np.diff(cuts)
+    t = cuts[:-1, None] + steps[:, None] * x
+    speed = np.linalg.norm(edge.curve.slope(t.ravel()), axis=-1).reshape(t.shape)
+    return float(steps @ speed @ w)
+
+
+def _cuts(shares: list[float]) -> FloatArray:
+    """0, the shares in order, and 1, those left out that are as good as one."""
+    out = [0.0]
+    for share in sorted(shares):
+        if share - out[-1] > CLOSE and 1.0 - share > CLOSE:
+            out.append(share)
+    return np.array([*out, 1.0])
+
+
+class _Lines:
+    """Edges as polygons (n, 33, 3)."""
+
+    def __init__(self, edges: Sequence[Edge]) -> None:
+        self.edges = edges
+        every = np.broadcast_to(INNER, (len(edges), len(INNER)))
+        self.points = self.points_at(np.arange(len(edges)), every)
+        self.chords = np.diff(self.points, axis=1)
+        # A chord leaves its curve by an eighth of its length times the angle that turns.
+        bend = np.linalg.norm(np.diff(self.chords, axis=1), axis=2)
+        bend = np.maximum(np.pad(bend, ((0, 0), (1, 0))), np.pad(bend, ((0, 0), (0, 1))))
+        self.sagitta = bend / 8.0
+
+    def points_at(self, which: IntArray, shares: FloatArray) -> FloatArray:
+        """Points (m, k, 3) of the edges ``which`` (m,) at ``shares`` (m, k)."""
+        out = np.empty((*shares.shape, 3))
+        for row, (i, s) in enumerate(zip(which.tolist(), shares, strict=True)):
+            edge = self.edges[i]
+            assert edge.curve is not None
+            out[row] = edge.curve.evaluate(edge.start + (edge.end - edge.start) * s)
+        return out
+
+    def near(self, tolerance: float) -> tuple[IntArray, IntArray]:
+        """Pairs of different edges whose boxes are nearer than ``tolerance``, both ways round."""
+        margin = tolerance + self.sagitta.max(axis=1)[:, None]
+        low, high = self.points.min(axis=1) - margin, self.points.max(axis=1) + margin
+        i, j = overlapping(low[:, :2], high[:, :2], low[:, :2], high[:, :2])
+        keep = (i != j) & (low[i, 2] <= high[j, 2]) & (low[j, 2] <= high[i, 2])
+        return i[keep], j[keep]
+
+    def nearest(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Shares (m, k) of the edges ``which`` (m,) nearest to ``points`` (m, k, 3), distances."""
+        share, off = np.empty(points.shape[:2]), np.empty(points.shape[:2])
+        for a in range(0, len(which), BLOCK):
+            some = slice(a, a + BLOCK)
+            share[some], off[some] = self._nearest(points[some], which[some])
+        return share, off
+
+    def _nearest(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        d = self.chords[which][:, None]
+        away = points[:, :, None] - self.points[which][:, None, :-1]
+        square = np.maximum((d * d).sum(axis=3), 1e-300)
+        along = np.clip((away * d).sum(axis=3) / square, 0.0, 1.0)
+        off = np.linalg.norm(away - along[..., None] * d, axis=3)
+        best = off.argmin(axis=2)[..., None]
+        share = (best + np.take_along_axis(along, best, axis=2))[..., 0] / (len(INNER) - 1)
+        found = np.take_along_axis(off, best, axis=2)[..., 0]
+        # Chords leave the curve: there the curve itself is asked.
+        bent = np.take_along_axis(self.sagitta[which][:, None], best, axis=2)[..., 0]
+        for row in np.flatnonzero((bent > 0.0).any(axis=1)).tolist():
+            share[row], found[row] = self._on_curve(int(which[row]), points[row], share[row])
+        return share, found
+
+    def _on_curve(
+        self, i: int, points: FloatArray, share: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Shares (k,) and distances from points (k, 3) to a curve, from shares close to them."""
+        edge = self.edges[i]
+        assert edge.curve is not None
+        extent = edge.end - edge.start
+        for _ in range(STEPS):
+            t = edge.start + share * extent
+            d = edge.curve.slope(t) * extent
+            away = points - edge.curve.evaluate(t)
+            step = (away * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), 1e-300)
+            share = np.clip(share + step, 0.0, 1.0)
+        x = edge.curve.evaluate(edge.start + share * extent)
+        return share, np.linalg.norm(points - x, axis=1)
+
+
+def _ends_on(
+    lines: _Lines, first: IntArray, second: IntArray, tolerance: float
+) -> list[list[float]]:
+    """Shares of each edge at which another one ends on it."""
+    ends = lines.points[:, [0, -1]]
+    share, off = lines.nearest(ends[second], first)
+    cuts: list[list[float]] = [[] for _ in lines.edges]
+    rows, k = np.nonzero(off <= tolerance)
+    for i, s in zip(first[rows].tolist(), share[rows, k].tolist(), strict=True):
+        cuts[i].append(s)
+    return cuts

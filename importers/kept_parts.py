@@ -10,6 +10,7 @@ from OCP.BinTools import BinTools, BinTools_FormatVersion
 
 from . import kept
 from .convert import FacePatches
+from .edge_kinds import EdgeFacts
 from .stored import DAMAGED
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ def put(name: str, part: Converted) -> None:
     """Keep a part."""
     head = {
         "faces": [[getattr(f, k) for k in FIELDS] for f in part.faces],
-        "edge_count": part.edge_count,
         "size": part.size,
         "kind": part.kind,
         "seconds": part.seconds,
@@ -51,6 +51,9 @@ def put(name: str, part: Converted) -> None:
         "count": np.array([len(f.nets) for f in part.faces], dtype=np.int64),
         "nets": np.concatenate([f.nets for f in part.faces]),
         "edges": np.concatenate([f.edges for f in part.faces]),
+        "edge_kind": part.edges.kind,
+        "edge_angle_deg": part.edges.angle_deg,
+        "edge_faces": part.edges.faces,
     }
     kept.put(name, (head, arrays))
 
@@ -70,7 +73,8 @@ def get(name: str) -> dict[str, Any] | None:
                 strict=True,
             )
         ]  # fmt: skip
-        return {**head, "faces": faces}
+        edges = EdgeFacts(*(arrays[f"edge_{k}"] for k in ("kind", "angle_deg", "faces")))
+        return {**head, "faces": faces, "edges": edges}
     except DAMAGED:
         kept.drop(name)
         return None

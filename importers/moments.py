@@ -6,6 +6,8 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import bernstein, bernstein_derivative, gauss_rule
 
+from .compare import cross
+
 
 def volume_and_vector(nets: FloatArray, *, order: int = 8) -> tuple[float, FloatArray, float]:
     """Volume ⅓ ∮ x·n dA, vector area ∮ n dA (3,) and area of nets (n, 4, 4, 4)."""
@@ -23,7 +25,7 @@ def volume_and_vector(nets: FloatArray, *, order: int = 8) -> tuple[float, Float
         p = h[..., :3] / weight
         pu = (hu[..., :3] - hu[..., 3:] * p) / weight
         pv = (hv[..., :3] - hv[..., 3:] * p) / weight
-        n = np.cross(pu, pv) * (w[:, None] * w)[..., None]
+        n = cross(pu, pv) * (w[:, None] * w)[..., None]
         volume += float(np.einsum("nabk,nabk->", p - origin, n)) / 3.0
         vector += n.sum(axis=(0, 1, 2))
         area += float(np.linalg.norm(n, axis=-1).sum())
@@ -42,5 +44,5 @@ def vector_areas(nets: FloatArray, *, order: int = 6) -> FloatArray:
         h, slope = b @ side, d @ side
         p = h[..., :3] / h[..., 3:]
         dp = (slope[..., :3] - slope[..., 3:] * p) / h[..., 3:]
-        total += 0.5 * sign * np.einsum("q,nqk->nk", w, np.cross(p - origin, dp))
+        total += 0.5 * sign * np.einsum("q,nqk->nk", w, cross(p - origin, dp))
     return total

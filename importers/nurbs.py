@@ -49,6 +49,8 @@ def bezier_pieces(
         degree − k times the start of the span [1, sec. 8.3].
     """
     n = len(poles)
+    if n == degree + 1 and knots[0] == knots[degree] and knots[n] == knots[-1]:
+        return knots[[degree, n]], poles[None]
     spans = [i for i in range(degree, n) if knots[i + 1] > knots[i]]
     index = np.array(spans)
     a, b = knots[index], knots[index + 1]

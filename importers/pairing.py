@@ -6,19 +6,17 @@ A triangle left over is a cell with one collapsed side.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .arcs import Arc, NetArc
-from .cells import Cell, corner_sines, quality, samples_of, side_samples, straight_quality
-from .triangulate import triangulate
+from .cells import Cell, quality, samples_of
+from .compare import BoolArray
+from .mesh import Loop, Mesh
+from .together import rows_of
+from .triangulate import inner_edges, overlapping
 
-ChordMaker = Callable[[FloatArray, FloatArray], Arc]
-Loop = list[Arc]
-Triangle = tuple[int, int, int]
 #: By identity of an arc: the shares of its length where it should be cut, none for its middle.
 Wanted = dict[int, list[float]]
 
@@ -27,6 +25,8 @@ PAIRED = 0.1
 THIN = 0.02
 #: Feet of corners nearer to the end of a side than this share of it are no place to cut it.
 NEAR_END = 0.02
+#: The direction in which triangles are matched.
+SWEEP = np.array([1.0, 0.01])
 
 
 def best_triangle(arcs: list[Arc]) -> tuple[Cell, float]:
@@ -40,60 +40,29 @@ def best_triangle(arcs: list[Arc]) -> tuple[Cell, float]:
     return options[best], float(q[best])
 
 
-def paired(
-    loops: list[Loop], chord: ChordMaker, limit: float
-) -> tuple[list[Cell] | None, Wanted, str]:
+def paired(mesh: Mesh, loops: list[Loop], limit: float) -> tuple[list[Cell] | None, Wanted, str]:
     """Cells of a triangulation, by identity of an arc where to cut it, and why it failed."""
-    vertices = [np.array([a.start for a in loop]) for loop in loops]
-    triangles = triangulate(vertices)
-    if triangles is None:
+    if not mesh.update(loops):
         return None, {}, "the boundary touches or crosses itself"
-    arcs: dict[tuple[int, int], Arc] = {}
-    base = 0
-    for loop in loops:
-        n = len(loop)
-        for k, arc in enumerate(loop):
-            arcs[base + k, base + (k + 1) % n] = arc
-        base += n
-    points = np.concatenate(vertices)
-    scale = loops[0][0].scale
-
-    def side(a: int, b: int) -> Arc:
-        found = arcs.get((a, b))
-        if found is None:
-            found = chord(points[a] / scale, points[b] / scale)
-            arcs[a, b] = found
-            arcs[b, a] = found.reversed()
-        return found
-
-    curved = {key for key, arc in arcs.items() if not arc.straight}
-    outline = _Outline(points, curved, side)
-    triangles, alone = _reshaped(triangles, outline)
-    owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(triangles) for k in range(3)}
-    pairs: list[tuple[int, int]] = []
-    quads: list[tuple[int, ...]] = []
-    for (a, b), i in owner.items():
-        j = owner.get((b, a))
-        if j is None or i > j:
-            continue
-        c = next(x for x in triangles[i] if x not in (a, b))
-        d = next(x for x in triangles[j] if x not in (a, b))
-        pairs.append((i, j))
-        quads.append((a, d, b, c))
-    q = outline.quads(quads)
-    chosen = _match(pairs, q, alone)
-    sides = {k: tuple(side(a, b) for a, b in _around(quads[k])) for k in chosen}
-    cells = [Cell(four) for four in sides.values()]  # type: ignore[arg-type]
-    used = {t for k in chosen for t in pairs[k]}
-    bad = [sides[k] for k in chosen if q[k] < limit]
-    for i, t in enumerate(triangles):
-        if i in used:
-            continue
-        three = [side(t[k], t[(k + 1) % 3]) for k in range(3)]
-        cell, best = best_triangle(three)
-        if best < limit:
-            bad.append(tuple(three))
-        cells.append(cell)
+    triangles, alone, collapsed = _reshaped(mesh)
+    a, b, c, d, i, j = inner_edges(triangles)
+    quads = np.stack([a, d, b, c], axis=1)
+    q = mesh.quads(quads)
+    chosen = _match(i, j, q, alone)
+    corners = quads[chosen].tolist()
+    cells = [mesh.cell(four) for four in corners]
+    bad = [
+        tuple(mesh.side(four[k - 1], four[k]) for k in (1, 2, 3, 0))
+        for four, value in zip(corners, q[chosen].tolist(), strict=True)
+        if value < limit
+    ]
+    left = np.ones(len(triangles), dtype=bool)
+    left[i[chosen]] = left[j[chosen]] = False
+    for k in np.flatnonzero(left).tolist():
+        three = triangles[k].tolist()
+        cells.append(mesh.cell(three, int(collapsed[k])))
+        if alone[k] < limit:
+            bad.append(tuple(mesh.side(three[m - 1], three[m]) for m in (1, 2, 0)))
     return cells, _wanted(bad, loops), ""
 
 
@@ -105,145 +74,98 @@ def _wanted(bad: list[tuple[Arc, ...]], loops: list[Loop]) -> Wanted:
     Curves that are sides of other bad cells are halved.
     """
     wanted: Wanted = {}
+    if not bad:
+        return wanted
     lines = [a for loop in loops for a in loop if isinstance(a, NetArc) and a.straight]
     p = np.array([a.start for a in lines]).reshape(-1, 2)
-    d = np.array([a.end for a in lines]).reshape(-1, 2) - p
-    square = (d * d).sum(axis=1)
-    for cell in bad:
-        corners = np.array([a.start for a in cell])
-        size = max(float(np.linalg.norm(a.end - a.start)) for a in cell)
-        away = corners[:, None] - p
-        foot = (away * d).sum(axis=2) / square
+    end = np.array([a.end for a in lines]).reshape(-1, 2)
+    corners = [np.array([a.start for a in cell]) for cell in bad]
+    size = np.array([max(float(np.linalg.norm(a.end - a.start)) for a in cell) for cell in bad])
+    reach = 0.5 * size[:, None]
+    low = np.array([c.min(axis=0) for c in corners]) - reach
+    high = np.array([c.max(axis=0) for c in corners]) + reach
+    cell, line = overlapping(low, high, np.minimum(p, end), np.maximum(p, end))
+    near = dict(rows_of(cell, np.arange(len(bad))))
+    for n, arcs in enumerate(bad):
+        some = np.sort(line[near[n]]) if n in near else np.zeros(0, dtype=np.int64)
+        d = end[some] - p[some]
+        away = corners[n][:, None] - p[some]
+        foot = (away * d).sum(axis=2) / (d * d).sum(axis=1)
         off = np.linalg.norm(away - foot[..., None] * d, axis=2)
-        beside = (foot > NEAR_END) & (foot < 1.0 - NEAR_END) & (off > NEAR_END * size)
-        off = np.where(beside & (off < 0.5 * size), off, np.inf)
-        nearest = off.argmin(axis=1) if len(lines) else np.empty(0, dtype=np.int64)
+        beside = (foot > NEAR_END) & (foot < 1.0 - NEAR_END) & (off > NEAR_END * size[n])
+        off = np.where(beside & (off < 0.5 * size[n]), off, np.inf)
+        nearest = off.argmin(axis=1) if len(some) else np.empty(0, dtype=np.int64)
         found = [(m, k) for m, k in enumerate(nearest.tolist()) if off[m, k] < np.inf]
         for m, k in found:
-            wanted.setdefault(id(lines[k]), []).append(float(foot[m, k]))
+            wanted.setdefault(id(lines[some[k]]), []).append(float(foot[m, k]))
         if not found:
-            for arc in cell:
+            for arc in arcs:
                 if not arc.straight:
                     wanted.setdefault(id(arc), [])
     return wanted
 
 
-_NINTHS = np.linspace(0.0, 1.0, 9)[:, None]
-
-
-def _around(corners: tuple[int, ...]) -> list[tuple[int, int]]:
-    return [(corners[k - 1], corners[k]) for k in (*range(1, len(corners)), 0)]
-
-
-@dataclass(slots=True)
-class _Outline:
-    """Vertices (n, 2), the pairs of them that a curved arc joins, and the arc of any pair."""
-
-    points: FloatArray
-    curved: set[tuple[int, int]]
-    side: Callable[[int, int], Arc]
-
-    def _bent(self, corners: Sequence[tuple[int, ...]]) -> tuple[IntArray, FloatArray]:
-        """Which of some polygons have a curved side, and samples (m, k, 9, 2) of their sides."""
-        found = [
-            (i, k, key)
-            for i, polygon in enumerate(corners)
-            for k, key in enumerate(_around(polygon))
-            if key in self.curved
-        ]
-        bent, row = np.unique([i for i, _, _ in found], return_inverse=True)
-        bent = bent.astype(np.int64)
-        p = self.points[np.array(corners)[bent]]
-        samples = p[:, :, None] + _NINTHS * (np.roll(p, -1, axis=1) - p)[:, :, None]
-        for m, (_, k, (a, b)) in zip(row.ravel().tolist(), found, strict=True):
-            samples[m, k] = side_samples(self.side(a, b))
-        return bent, samples
-
-    def quads(self, quads: Sequence[tuple[int, ...]]) -> FloatArray:
-        """Quality (n,) of quadrilaterals as cells."""
-        if not quads:
-            return np.empty(0)
-        q = straight_quality(self.points[np.array(quads)])
-        bent, samples = self._bent(quads)
-        q[bent] = quality(samples)
-        return q
-
-    def triangles(self, triangles: Sequence[Triangle]) -> FloatArray:
-        """Quality (n,) of triangles as cells with the side collapsed that suits them best."""
-        p = self.points[np.array(triangles)]
-        # A collapsed corner does not count: the best is the one of the smallest angle.
-        q = np.sort(corner_sines(p), axis=1)[:, 1]
-        bent, three = self._bent(triangles)
-        if len(bent):
-            four = np.empty((len(three), 3, 4, 9, 2))
-            for k in range(3):
-                a, b, c = three[:, k], three[:, (k + 1) % 3], three[:, (k + 2) % 3]
-                four[:, k, 0], four[:, k, 1], four[:, k, 3] = a, b, c
-                four[:, k, 2] = b[:, -1:]
-            q[bent] = quality(four.reshape(-1, 4, 9, 2)).reshape(-1, 3).max(axis=1)
-        return q
-
-
-def _reshaped(triangles: list[Triangle], outline: _Outline) -> tuple[list[Triangle], FloatArray]:
+def _reshaped(mesh: Mesh) -> tuple[IntArray, FloatArray, IntArray]:
     """Diagonals swapped while that improves a bad triangle: Delaunay's rule sees chords only.
 
-    The triangles and their quality as cells.
+    The triangles (n, 3), their quality as cells and the sides collapsed in these.
     """
-    tri = list(triangles)
-    q, points = outline.triangles(tri), outline.points
+    # Matching goes on where it has begun, from one side of the region to the other.
+    tri = np.array(mesh.triangles)
+    tri = tri[np.argsort(mesh.points[tri].sum(axis=1) @ SWEEP, kind="stable")]
+    q, side = mesh.alone(tri)
     for _ in range(6):
-        bad = [i for i in np.argsort(q).tolist() if q[i] < PAIRED]
-        if not bad:
+        if q.min() >= PAIRED:
             break
-        owner = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(tri) for k in range(3)}
-        options: list[tuple[int, int, Triangle, Triangle]] = []
-        for i in bad:
-            for k in range(3):
-                a, b, c = tri[i][k], tri[i][(k + 1) % 3], tri[i][(k + 2) % 3]
-                j = owner.get((b, a))
-                if j is None:
-                    continue
-                d = next(x for x in tri[j] if x not in (a, b))
-                if _left(points, a, d, c) and _left(points, d, b, c):
-                    options.append((i, j, (a, d, c), (d, b, c)))
-        if not options:
+        a, b, c, d, i, j = inner_edges(tri)
+        some = np.minimum(q[i], q[j]) < PAIRED
+        a, b, c, d, i, j = (x[some] for x in (a, b, c, d, i, j))
+        some = _left(mesh.points, a, d, c) & _left(mesh.points, d, b, c)
+        if not some.any():
             break
-        new = outline.triangles([t for o in options for t in o[2:]]).reshape(-1, 2)
-        gain = new.min(axis=1) - np.array([min(q[i], q[j]) for i, j, *_ in options])
-        touched: set[int] = set()
-        for k in np.argsort(-gain).tolist():
-            i, j, s, t = options[k]
-            if gain[k] <= 0.01 or i in touched or j in touched:
+        a, b, c, d, i, j = (x[some] for x in (a, b, c, d, i, j))
+        first, second = np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)
+        (q1, side1), (q2, side2) = mesh.alone(first), mesh.alone(second)
+        gain = np.minimum(q1, q2) - np.minimum(q[i], q[j])
+        touched = np.zeros(len(tri), dtype=bool)
+        for k in np.argsort(-gain, kind="stable")[: int((gain > 0.01).sum())].tolist():
+            m, n = i[k], j[k]
+            if touched[m] or touched[n]:
                 continue
-            touched |= {i, j}
-            tri[i], tri[j] = s, t
-            q[i], q[j] = new[k]
-        if not touched:
+            touched[m] = touched[n] = True
+            tri[m], q[m], side[m] = first[k], q1[k], side1[k]
+            tri[n], q[n], side[n] = second[k], q2[k], side2[k]
+        if not touched.any():
             break
-    return tri, q
+    return tri, q, side
 
 
-def _left(points: FloatArray, a: int, b: int, c: int) -> bool:
-    p, q, r = points[a], points[b], points[c]
-    cross = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-    return bool(cross > 1e-9 * (np.abs(q - p).sum() * np.abs(r - p).sum()))
+def _left(points: FloatArray, a: IntArray, b: IntArray, c: IntArray) -> BoolArray:
+    """Whether triangles (m,) are counter-clockwise and not flat."""
+    e, f = points[b] - points[a], points[c] - points[a]
+    cross = e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
+    return np.asarray(cross > 1e-9 * np.abs(e).sum(axis=1) * np.abs(f).sum(axis=1))
 
 
-def _match(pairs: list[tuple[int, int]], q: FloatArray, alone: FloatArray) -> list[int]:
+def _match(first: IntArray, second: IntArray, q: FloatArray, alone: FloatArray) -> list[int]:
     """Greedy matching of triangles, those with the fewest partners first, best shape first.
 
-    Triangles that make bad cells ``alone`` choose before all others.
+    Pair k of quality ``q`` (k,) joins the triangles ``first`` and ``second`` (k,). Triangles that
+    make bad cells ``alone`` (n,) choose before all others.
     """
     count = len(alone)
     options: list[list[int]] = [[] for _ in range(count)]
-    for k, (i, j) in enumerate(pairs):
-        if q[k] > (PAIRED if min(alone[i], alone[j]) > THIN else THIN):
-            options[i].append(k)
-            options[j].append(k)
+    least = np.where(np.minimum(alone[first], alone[second]) > THIN, PAIRED, THIN)
+    pairs = list(zip(first.tolist(), second.tolist(), strict=True))
+    for k in np.flatnonzero(q > least).tolist():
+        i, j = pairs[k]
+        options[i].append(k)
+        options[j].append(k)
+    thick = (alone > THIN).tolist()
     free = [True] * count
     degree = [len(o) for o in options]
     chosen = []
-    heap = [(alone[i] > THIN, d, i) for i, d in enumerate(degree) if d]
+    heap = [(thick[i], d, i) for i, d in enumerate(degree) if d]
     heapq.heapify(heap)
     while heap:
         first, d, i = heapq.heappop(heap)
@@ -261,5 +183,5 @@ def _match(pairs: list[tuple[int, int]], q: FloatArray, alone: FloatArray) -> li
                 for other in pairs[k]:
                     if free[other]:
                         degree[other] -= 1
-                        heapq.heappush(heap, (alone[other] > THIN, degree[other], other))
+                        heapq.heappush(heap, (thick[other], degree[other], other))
     return chosen

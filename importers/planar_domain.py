@@ -117,8 +117,8 @@ def _whole_circle(uses: list[EdgeUse], to_flat: FloatArray, along: float) -> Loo
     if abs(total - 2.0 * math.pi) > 1e-7:
         return []
     start = (first.x @ to_flat[:3, 0], first.x @ to_flat[:3, 1])
-    turn = float(np.cross(first.x, first.y) @ np.cross(to_flat[:3, 0], to_flat[:3, 1]))
-    sense = 1.0 if turn > 0.0 else -1.0
+    (ax, ay), (bx, by) = first.x @ to_flat[:3, :2], first.y @ to_flat[:3, :2]
+    sense = 1.0 if ax * by - ay * bx > 0.0 else -1.0
     phase = sense * (along + 0.25 * math.pi - math.atan2(start[1], start[0]))
     arcs: Loop = []
     backwards = uses[0].reversed

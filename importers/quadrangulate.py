@@ -16,7 +16,8 @@ from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .arcs import Arc, NetArc
 from .cells import Cell, quality, samples_of
-from .pairing import PAIRED, THIN, ChordMaker, Loop, Wanted, best_triangle, paired
+from .mesh import ChordMaker, Loop, Mesh
+from .pairing import PAIRED, THIN, Wanted, best_triangle, paired
 from .together import rows_of
 from .triangulate import crossings, inside, overlapping
 
@@ -30,6 +31,10 @@ FEW_ARCS = 1000
 GROWTH = 4
 #: Arcs that all rounds together may pair, against most of one: each takes seconds then.
 ROUNDS = 2
+#: What a round costs in which little is new, against one from the start.
+KEPT_COST = 0.4
+#: Halvings of a boundary where it comes near to itself: a 4000th of an arc.
+MOST_ROUNDS = 12
 
 
 def corner_turns(loop: Loop) -> FloatArray:
@@ -237,10 +242,12 @@ def _general(
     loops = [loop if len(loop) > 2 else _split_up(loop) for loop in loops]
     most = max(FEW_ARCS, GROWTH * sum(len(loop) for loop in loops))
     tries = (True, False) if planar else (False,)
-    spent = 0
+    spent = 0.0
     for sectors in tries:
         current: list[Loop] = loops
-        for round_ in range(7):
+        mesh = Mesh(chord)
+        folds: dict[int, bool] = {}
+        for round_ in range(MOST_ROUNDS):
             for _ in range(6):
                 bad = _offenders(current)
                 if not bad:
@@ -256,16 +263,21 @@ def _general(
                 return extra
             if sectors and not _clean(cut):
                 break
-            spent += sum(len(loop) for loop in cut)
             if spent > ROUNDS * most:
                 reason = reason or "the boundary touches or crosses itself"
                 break
             # Thin cells are worth three rounds of halving, folded ones more.
             limit = thin if round_ < 3 else FOLDED
-            cells, worst, reason = paired(cut, chord, limit)
-            if cells is not None and not worst and folded is not None:
-                for cell in folded(cells):
-                    worst |= {id(a): [] for a in cell.sides if a is not None and not a.straight}
+            spent += sum(len(loop) for loop in cut) * (KEPT_COST if mesh.triangles else 1.0)
+            cells, worst, reason = paired(mesh, cut, limit)
+            if cells is not None and folded is not None and (not worst or round_ > 1):
+                # The mesh keeps cells that stay the same.
+                new = [c for c in cells if id(c) not in folds]
+                folds |= dict.fromkeys(map(id, new), False)
+                folds |= dict.fromkeys(map(id, folded(new)), True)
+                for cell in cells:
+                    if folds[id(cell)]:
+                        worst |= {id(a): [] for a in cell.sides if a is not None and not a.straight}
             if cells is not None and not worst:
                 return extra + cells
             if cells is not None and (fallback is None or len(worst) < fewest):

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from patchlight.solver.errors import PatchlightError
-from patchlight.solver.model import Certificate, Face, Model, Part, PatchSet
+from patchlight.solver.model import CadEdges, Certificate, Face, Model, Part, PatchSet
 from patchlight.solver.model.arrays import MatrixArray
 
 #: Name of the entry that holds what is no array.
@@ -25,6 +25,8 @@ FACE = (
     "part", "number", "kind", "exact", "patches", "deviation_m", "angle_deg", "area_m2",
     "area_error", "gap_m", "free_edge_m", "reason", "name", "color",
 )  # fmt: skip
+#: What is known of edges.
+EDGES = ("kind", "part", "faces", "angle_deg")
 #: What reading a damaged or foreign file raises.
 DAMAGED = (
     OSError, EOFError, KeyError, IndexError, TypeError, ValueError, zipfile.BadZipFile,
@@ -86,6 +88,7 @@ def from_model(model: Model) -> Contents:
         "face_index": p.face_index,
         "part_index": p.part_index,
         "edge_index": p.edge_index,
+        **{f"edge_{name}": getattr(model.edges, name) for name in EDGES},
     }
     return head, arrays
 
@@ -103,16 +106,17 @@ def to_model(contents: Contents) -> Model:
         Face(**{**dict(zip(FACE, row, strict=True)), "color": _color(row[-1])})
         for row in head["faces"]
     )
+    edges = CadEdges(*(arrays[f"edge_{name}"] for name in EDGES))
     certificate = Certificate(
         faces, tuple(p.path for p in parts), head["seconds"], tuple(head["notes"]),
-        head["reading_seconds"], head["area_seconds"],
+        head["reading_seconds"], head["area_seconds"], edges.counts(len(parts)),
     )  # fmt: skip
     patches = PatchSet(
         *(arrays[k] for k in ("control_points", "face_index", "part_index", "edge_index"))
     )
     return Model(
         head["name"], parts, faces, patches, certificate, head["source"], head["sha256"],
-        head["unit"], tuple(head["warnings"]),
+        head["unit"], tuple(head["warnings"]), edges,
     )  # fmt: skip
 
 

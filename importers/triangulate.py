@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
+Triangle = tuple[int, int, int]
+#: An edge between two vertices, the lower number first.
+Pair = tuple[int, int]
 #: Angles by which points are turned before ear clipping, in this order [rad].
 TURNS = (0.5, 1.7, 2.9)
 #: Share of the polygon's area below which a triangle is as good as flat.
@@ -16,7 +20,8 @@ FLAT = 1e-8
 def signed_area(points: FloatArray) -> float:
     """Signed area of a closed polygon (n, 2), counter-clockwise positive."""
     x, y = points[:, 0], points[:, 1]
-    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+    last = x[-1] * y[0] - y[-1] * x[0]
+    return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:] + last)
 
 
 def overlapping(
@@ -78,47 +83,82 @@ def inside(polygon: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray((spans & (points[:, 0, None] < x)).sum(1) % 2 == 1)
 
 
-def triangulate(loops: list[FloatArray]) -> list[tuple[int, int, int]] | None:
-    """Counter-clockwise triangles of vertex numbers, loop after loop; None when it fails.
+def triangulate(loops: list[FloatArray]) -> list[Triangle] | None:
+    """Counter-clockwise triangles of vertex numbers, loop after loop; None when it fails."""
+    points = np.concatenate(loops)
+    ends = np.cumsum([len(p) for p in loops]).tolist()
+    numbers = [[*range(a, b)] for a, b in zip([0, *ends], ends, strict=False)]
+    moved = nudged(points, len(loops))
+    found = clipped(moved, numbers)
+    if found is None:
+        return None
+    return settled(points, flipped(moved, found, border_of(numbers)), numbers)
 
-    The result is accepted only with n − 2 + 2h triangles whose areas sum to the polygon's:
-    positive triangles alone prove nothing, they may overlap.
+
+def nudged(points: FloatArray, loops: int = 3) -> FloatArray:
+    """Points (n, 2) of so many loops, each displaced by a tiny fixed step of its own."""
+    # Squares: steps linear in the number would leave rows of a grid of holes on one line.
+    k = np.arange(len(points)) ** (2 if loops > 2 else 1)
+    size = float(np.ptp(points, axis=0).max())
+    step = np.stack([np.modf(0.6180339887 * k)[0], np.modf(0.7548776662 * k)[0]], axis=1) - 0.5
+    return np.asarray(points + 1e-7 * size * step)
+
+
+def border_of(loops: list[list[int]]) -> set[Pair]:
+    """Edges of loops of numbered vertices."""
+    pairs = (pair for loop in loops for pair in zip(loop, [*loop[1:], loop[0]], strict=True))
+    return {(a, b) if a < b else (b, a) for a, b in pairs}
+
+
+def clipped(moved: FloatArray, loops: list[list[int]]) -> list[Triangle] | None:
+    """Triangles between the vertices that ``loops`` number, by ear clipping; None when it fails.
+
+    Ear clipping drops collinear vertices, so that points ``moved`` a little are asked for; flips
+    remove the flat triangles that it leaves.
     """
     import mapbox_earcut
 
-    points = np.concatenate(loops)
-    ends = np.cumsum([len(p) for p in loops]).astype(np.uint32)
-    # Ear clipping drops collinear vertices; a tiny fixed displacement keeps them, and the flips
-    # remove the flat triangles it leaves.
-    k = np.arange(len(points))
-    size = float(np.ptp(points, axis=0).max())
-    nudge = np.stack([np.modf(0.6180339887 * k)[0], np.modf(0.7548776662 * k)[0]], axis=1) - 0.5
-    nudged = points + 1e-7 * size * nudge
+    flat = np.array([k for loop in loops for k in loop])
+    ends = np.cumsum([len(loop) for loop in loops]).astype(np.uint32)
     # Holes are joined along lines of sight to the left, which rows of equal holes share: points
     # are turned, and turned again when vertices were lost.
     for turn in TURNS:
         c, s = math.cos(turn), math.sin(turn)
-        flat = mapbox_earcut.triangulate_float64(nudged @ np.array([[c, s], [-s, c]]), ends)
-        index = np.asarray(flat, dtype=np.int64).reshape(-1, 3)
-        if len(index) == len(points) - 2 + 2 * (len(loops) - 1):
+        turned = moved[flat] @ np.array([[c, s], [-s, c]])
+        found = np.asarray(mapbox_earcut.triangulate_float64(turned, ends), dtype=np.int64)
+        index = flat[found].reshape(-1, 3)
+        if len(index) == len(flat) - 2 + 2 * (len(loops) - 1):
             break
     else:
         return None
-    turned = areas(nudged, index) < 0
-    index[turned] = index[turned][:, ::-1]
-    # Rows of equal holes have many vertices on one line: among the displaced points no triangle is
-    # flat, and no swap is held up by one that is.
-    out = flipped(nudged, [(a, b, c) for a, b, c in index.tolist()], loops)
-    area = areas(points, np.array(out))
-    total = sum(signed_area(p) for p in loops)
+    over = areas(moved, index) < 0
+    index[over] = index[over][:, ::-1]
+    return [(a, b, c) for a, b, c in index.tolist()]
+
+
+def settled(
+    points: FloatArray, triangles: list[Triangle], loops: list[list[int]]
+) -> list[Triangle] | None:
+    """Triangles of the points as they are, from those of displaced ones; None if they are wrong.
+
+    Rows of equal holes have many vertices on one line: among displaced points no triangle is flat,
+    and no flip is held up by one that is. The result is accepted only if the areas of its triangles
+    (n − 2 + 2h of them) sum to the polygon's: positive triangles alone prove nothing, they may
+    overlap.
+    """
+    total = sum(signed_area(points[loop]) for loop in loops)
+    index = np.array(triangles)
+    area = areas(points, index)
     if area.min() <= FLAT * total:
-        out = flipped(points, out, loops)
-        area = areas(points, np.array(out))
+        some = index[area <= FLAT * total].tolist()
+        start = [(t[k - 1], t[k]) for t in some for k in range(3)]
+        triangles = flipped(points, triangles, border_of(loops), start)
+        area = areas(points, np.array(triangles))
     if area.min() <= -1e-12 * total or abs(area.sum() - total) > 1e-9 * abs(total):
         return None
     if np.abs(area).sum() - total > 1e-9 * abs(total):
         return None
-    return out
+    return triangles
 
 
 def areas(points: FloatArray, index: IntArray) -> FloatArray:
@@ -127,64 +167,94 @@ def areas(points: FloatArray, index: IntArray) -> FloatArray:
     return np.asarray(0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]))
 
 
+def inner_edges(triangles: IntArray) -> IntArray:
+    """Edges (6, m) between two of some triangles (n, 3): ends a, b, the third corners c and d, and
+    the triangles a b c and b a d."""
+    a, b, c = (np.roll(triangles, -k, axis=1).ravel() for k in range(3))
+    count = int(triangles.max(initial=0)) + 1
+    key = a * count + b
+    order = np.argsort(key)
+    ordered = key[order]
+    at = np.minimum(np.searchsorted(ordered, b * count + a), len(key) - 1)
+    e = np.flatnonzero((ordered[at] == b * count + a) & (a < b))
+    m = order[at[e]]
+    return np.array([a[e], b[e], c[e], c[m], e // 3, m // 3])
+
+
 def flipped(
-    points: FloatArray, triangles: list[tuple[int, int, int]], loops: list[FloatArray]
-) -> list[tuple[int, int, int]]:
-    """Triangles after Lawson's flips: each inner edge locally Delaunay."""
-    xy = points.tolist()
-    fixed = set()
-    base = 0
-    for loop in loops:
-        n = len(loop)
-        for k in range(n):
-            a, b = base + k, base + (k + 1) % n
-            fixed.add((a, b) if a < b else (b, a))
-        base += n
-    owner: dict[tuple[int, int], int] = {}
+    points: FloatArray,
+    triangles: list[Triangle],
+    fixed: set[Pair],
+    start: Iterable[Pair] | None = None,
+) -> list[Triangle]:
+    """Triangles after Lawson's flips: each inner edge locally Delaunay.
+
+    Edges in ``fixed`` stay. The first ones looked at are those in ``start``, else all.
+    """
+    if start is None:
+        a, b, c, d, *_ = inner_edges(np.array(triangles))
+        wrong = _not_delaunay(points[a], points[b], points[c], points[d])
+        start = zip(a[wrong].tolist(), b[wrong].tolist(), strict=True)
+    stack = [(a, b) if a < b else (b, a) for a, b in start]
+    stack = [e for e in stack if e not in fixed]
     tri = list(triangles)
+    if not stack:
+        return tri
+    xy = points.tolist()
+    owner: dict[Pair, int] = {}
     for k, (a, b, c) in enumerate(tri):
-        owner[a, b], owner[b, c], owner[c, a] = k, k, k
-    stack = [e for e in owner if e[0] < e[1] and e not in fixed]
+        owner[a, b] = owner[b, c] = owner[c, a] = k
     budget = 40 * len(tri) + 100
     while stack and budget:
         budget -= 1
         a, b = stack.pop()
-        if (a, b) not in owner or (b, a) not in owner:
+        k, m = owner.get((a, b), -1), owner.get((b, a), -1)
+        if k < 0 or m < 0:
             continue
-        k, m = owner[a, b], owner[b, a]
-        c = next(x for x in tri[k] if x not in (a, b))
-        d = next(x for x in tri[m] if x not in (a, b))
+        c, d = sum(tri[k]) - a - b, sum(tri[m]) - a - b
         if not _should_flip(xy[a], xy[b], xy[c], xy[d]):
             continue
         # Triangles (a b c) and (b a d) become (a d c) and (d b c).
         tri[k], tri[m] = (a, d, c), (d, b, c)
-        for e in ((a, b), (b, a)):
-            del owner[e]
-        owner[a, d], owner[d, c], owner[c, a] = k, k, k
-        owner[d, b], owner[b, c], owner[c, d] = m, m, m
-        for e in ((a, d), (d, b), (b, c), (c, a)):
-            key = e if e[0] < e[1] else (e[1], e[0])
+        del owner[a, b], owner[b, a]
+        owner[a, d] = owner[d, c] = owner[c, a] = k
+        owner[d, b] = owner[b, c] = owner[c, d] = m
+        for e, f in ((a, d), (d, b), (b, c), (c, a)):
+            key = (e, f) if e < f else (f, e)
             if key not in fixed:
                 stack.append(key)
     return tri
 
 
-def _cross(o: list[float], a: list[float], b: list[float]) -> float:
-    return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+def _not_delaunay(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    """`_should_flip` of many edges (n, 2)."""
+
+    def cross(o: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
+        e, f = p - o, q - o
+        return np.asarray(e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0])
+
+    def cot(o: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
+        dot = ((p - o) * (q - o)).sum(axis=1)
+        return np.asarray(dot / np.maximum(np.abs(cross(o, p, q)), 1e-300))
+
+    t1, t2 = cross(a, d, c), cross(d, b, c)
+    size = cross(a, b, c) - cross(a, b, d)
+    inside = (t1 > 0.0) & (t2 > 0.0) & (np.minimum(t1, t2) > 1e-9 * np.abs(size))
+    return np.asarray(inside & (cot(c, a, b) + cot(d, b, a) < -1e-9))
 
 
 def _should_flip(a: list[float], b: list[float], c: list[float], d: list[float]) -> bool:
     """Whether the diagonal c–d is strictly inside a d b c and its angles are better."""
-    t1, t2 = _cross(a, d, c), _cross(d, b, c)
+    (ax, ay), (bx, by), (cx, cy), (dx, dy) = a, b, c, d
+    t1 = (dx - ax) * (cy - ay) - (dy - ay) * (cx - ax)
+    t2 = (bx - dx) * (cy - dy) - (by - dy) * (cx - dx)
     if t1 <= 0.0 or t2 <= 0.0:
         return False
-    size = _cross(a, b, c) - _cross(a, b, d)
-    if min(t1, t2) <= 1e-9 * abs(size):
+    abc = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    abd = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
+    if min(t1, t2) <= 1e-9 * abs(abc - abd):
         return False
-
-    def cot(o: list[float], p: list[float], q: list[float]) -> float:
-        dot = (p[0] - o[0]) * (q[0] - o[0]) + (p[1] - o[1]) * (q[1] - o[1])
-        return dot / max(abs(_cross(o, p, q)), 1e-300)
-
     # Opposite angles above 180 degrees in total: the sum of their cotangents is negative.
-    return cot(c, a, b) + cot(d, b, a) < -1e-9
+    at_c = (ax - cx) * (bx - cx) + (ay - cy) * (by - cy)
+    at_d = (ax - dx) * (bx - dx) + (ay - dy) * (by - dy)
+    return at_c / max(abs(abc), 1e-300) + at_d / max(abs(abd), 1e-300) < -1e-9

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from patchlight.solver.errors import InputError
 from patchlight.solver.model import Air, Emitter, Glass, Material, Part
-from patchlight.solver.model.result import matches
+from patchlight.solver.model.result import matching
 
 if TYPE_CHECKING:
     from .scene import Entry
@@ -64,27 +64,21 @@ def matched_parts(
     """(model name, part row) of all parts that match ``pattern``.
 
     Paths start with the model's name. Where that finds nothing, models whose name was not chosen
-    by the user are compared without it: their paths start below the file's root.
+    by the user are compared without it: their paths start below the file's root. A path as
+    ``inspect`` prints it, letter for letter, means that part of any model.
     """
     names = [n for n in entries if models is None or n in models]
-    hits = [
-        (n, k)
-        for n in names
-        for k, part in enumerate(entries[n].model.parts)
-        if matches(pattern, full_path(entries[n], part))
-    ]
+    every = [(n, k, part) for n in names for k, part in enumerate(entries[n].model.parts)]
+    hits = matching(pattern, [full_path(entries[n], part) for n, _, part in every])
     if not hits:
-        hits = [
-            (n, k)
-            for n in names
-            if not entries[n].given_name
-            for k, part in enumerate(entries[n].model.parts)
-            if matches(pattern, part.path)
-        ]
+        free = [i for i, (n, _, _) in enumerate(every) if not entries[n].given_name]
+        hits = [free[i] for i in matching(pattern, [every[i][2].path for i in free])]
     if not hits:
-        paths = [full_path(entries[n], part) for n in names for part in entries[n].model.parts]
+        hits = [i for i, (_, _, part) in enumerate(every) if pattern == part.path]
+    if not hits:
+        paths = [full_path(entries[n], part) for n, _, part in every]
         raise InputError(f"{label}: no part matches{nearest(pattern, paths)}")
-    return hits
+    return [every[i][:2] for i in hits]
 
 
 def nearest(pattern: str, candidates: list[str]) -> str:

@@ -10,16 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from patchlight.solver.model import PatchSet, ScenePart
+from numpy.typing import NDArray
+from patchlight.solver.model import CONTACT, PatchSet, ScenePart
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .coincident import SAME
 
-#: Distance of planes, relative to the scene's size, up to which the solver takes faces that look at
-#: each other for touching ones.
-CLOSE = 1e-5
 #: What tells planes apart when they are sorted; no drawing has these ratios.
 _WEIGHTS = np.sqrt([2.0, 3.0, 5.0, 7.0])
+#: Control points around a patch, and pairs of patches compared at a time.
+_AROUND = np.array([0, 4, 8, 12, 13, 14, 15, 11, 7, 3, 2, 1])
+_BLOCK = 1000
 #: Unit normals of planes that may be one differ by less; what counts is how far points are off.
 _PARALLEL = 1e-4
 
@@ -61,13 +62,13 @@ def with_flush_faces(
     closed = [part.kind != "sheet" for part in parts]
     # Solids first, then by area of the box: what lies on others comes after them.
     faces.sort(key=lambda f: (not closed[f.part], -float(np.linalg.norm(f.high - f.low))))
-    for a, b in _pairs(faces, CLOSE * size):
+    for a, b in _pairs(faces, CONTACT * size):
         on, face = faces[a], faces[b]
         alike = not closed[face.part] or float(on.normal @ face.normal) > 0.0
         distance = max(face.off(on), on.off(face))
-        if not alike or distance == 0.0 or distance > CLOSE * size:
+        if not alike or distance == 0.0 or distance > CONTACT * size:
             continue
-        if not _overlap(on, face, CLOSE * size):
+        if not _overlap(on, face, CONTACT * size):
             continue
         if distance <= SAME * size:
             moved.setdefault(b, moved.get(a, (on.normal, on.offset)))
@@ -93,7 +94,7 @@ def _note(
     more = f" ({len(apart)} pairs of faces in all)" if len(apart) > 1 else ""
     return (
         f"{parts[face].path} lies {distance:.2g} m off a face of {parts[on].path}, too near for "
-        f"light between them: draw it on that face or at least {CLOSE * size:.2g} m away{more}",
+        f"light between them: draw it on that face or at least {CONTACT * size:.2g} m away{more}",
     )
 
 
@@ -147,10 +148,32 @@ def _pairs(faces: list[_Flat], slack: float) -> list[tuple[int, int]]:
 
 
 def _overlap(a: _Flat, b: _Flat, slack: float) -> bool:
-    """Whether boxes of patches of two faces overlap by more than ``slack`` within the plane."""
-    across = int(np.argmax(np.abs(a.normal)))
-    keep = [k for k in range(3) if k != across]
-    low, high = a.points.min(axis=1)[:, keep], a.points.max(axis=1)[:, keep]
-    other_low, other_high = b.points.min(axis=1)[:, keep], b.points.max(axis=1)[:, keep]
-    common = np.minimum(high[:, None], other_high) - np.maximum(low[:, None], other_low)
-    return bool((common > 10.0 * slack).all(axis=2).any())
+    """Whether patches of two faces overlap by more than ``slack`` within the plane."""
+    x = np.cross(a.normal, np.eye(3)[int(np.argmin(np.abs(a.normal)))])
+    x /= np.linalg.norm(x)
+    frame = np.stack([x, np.cross(a.normal, x)], axis=1)
+    own, other = a.points @ frame, b.points @ frame
+    low, high = own.min(axis=1), own.max(axis=1)
+    common = np.minimum(high[:, None], other.max(axis=1)) - np.maximum(
+        low[:, None], other.min(axis=1)
+    )
+    i, j = np.nonzero((common > 10.0 * slack).all(axis=2))
+    return any(
+        bool(_not_apart(own[i[k : k + _BLOCK]], other[j[k : k + _BLOCK]], 10.0 * slack).any())
+        for k in range(0, len(i), _BLOCK)
+    )
+
+
+def _not_apart(a: FloatArray, b: FloatArray, least: float) -> NDArray[np.bool_]:
+    """Pairs of flat patches (n, 16, 2) that no line parts, but for an overlap of ``least``.
+
+    A line that parts two convex sets can be turned until it lies along a side of one of them; the
+    sides are those of the control polygon around each patch.
+    """
+    steps = np.concatenate([np.roll(p[:, _AROUND], -1, axis=1) - p[:, _AROUND] for p in (a, b)], 1)
+    across = np.stack([-steps[..., 1], steps[..., 0]], axis=2)
+    length = np.linalg.norm(across, axis=2, keepdims=True)
+    across = across / np.where(length > 0.0, length, 1.0)
+    p, q = a @ across.swapaxes(1, 2), b @ across.swapaxes(1, 2)
+    common = np.minimum(p.max(axis=1), q.max(axis=1)) - np.maximum(p.min(axis=1), q.min(axis=1))
+    return np.asarray(((common > least) | (length[..., 0] == 0.0)).all(axis=1))

@@ -67,7 +67,7 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
     data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data, problems))
     lamp_notes = web_notes(data, slots, problems)
     from .grids import resolved_sensors
-    from .remarks import scene_notes
+    from .remarks import model_warnings, scene_notes
 
     # Sensors are those of the scene with all its parts, whatever its state.
     sensors, grid_notes = ((), ()) if states else resolved_sensors(scene, data, problems)
@@ -80,7 +80,9 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
     )
     problems.raise_any()
     return dataclasses.replace(
-        data, notes=(*scene.notes, *data.notes, *lamp_notes, *grid_notes, *scene_notes(scene, data))
+        data,
+        notes=(*scene.notes, *data.notes, *lamp_notes, *grid_notes, *scene_notes(scene, data)),
+        warnings=tuple(model_warnings(scene)),
     )
 
 

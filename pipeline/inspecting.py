@@ -30,6 +30,8 @@ def inspection_text(model: Model) -> str:
             facts.append(f"same shape as {model.parts[part.instance_of].path}")
         lines.append(f"{part.path}  ({', '.join(facts)})")
         lines.append(f"    {_kinds(by_part[row])}")
+        if model.certificate.part_edges:
+            lines.append(f"    edges: {_counts(model.certificate.part_edges[row])}")
         for face in by_part[row]:
             if face.name or (face.color is not None and face.color != part.color):
                 named = f" {face.name}" if face.name else ""
@@ -48,6 +50,11 @@ def _kinds(faces: list[Face]) -> str:
     return ", ".join(texts) or "no faces"
 
 
+def _counts(edges: dict[str, int]) -> str:
+    """``12 sharp, 1 smooth``."""
+    return ", ".join(f"{n} {kind}" for kind, n in edges.items()) or "none"
+
+
 def certificate_lines(model: Model) -> list[str]:
     """Totals of the conversion and the faces that are not exact."""
     c = model.certificate
@@ -57,6 +64,8 @@ def certificate_lines(model: Model) -> list[str]:
         f"largest deviation {c.max_deviation_m:.2g} m, angle {c.max_angle_deg:.2g} degrees, "
         f"area error {c.max_area_error:.2g}, gap {c.max_gap_m:.2g} m",
     ]
+    if c.part_edges:
+        lines.append(f"edges: {_counts(c.edges)}")
     inexact = [f for f in c.faces if f.failed] + [
         f for f in c.faces if not f.failed and not f.exact
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,12 +21,20 @@ MOST_NAMES = 8
 
 def scene_notes(scene: Scene, data: SceneData) -> list[str]:
     """All remarks on the frozen scene ``data``."""
-    notes = [f"{e.name}: {w}" for e in scene.entries.values() for w in e.model.warnings]
-    notes += _default_faces(data)
+    notes = _default_faces(data)
     notes += _glass(data)
     notes += _light(data)
     notes += _places(data)
     return notes
+
+
+def model_warnings(scene: Scene) -> list[str]:
+    """What is doubtful about the models themselves, each named where the text does not do so."""
+    return [
+        text if re.search(rf"\b{re.escape(entry.name)}\b", text) else f"{entry.name}: {text}"
+        for entry in scene.entries.values()
+        for text in entry.model.warnings
+    ]
 
 
 def listed(names: list[str]) -> str:

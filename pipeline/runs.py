@@ -94,6 +94,8 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
         raise InputError(f"{path}: neither a scene file nor a STEP file; known endings: {known}")
     accuracy = scene.accuracy if options.accuracy is None else options.accuracy
     data = scene.freeze()
+    for warning in data.warnings:
+        talk.warn(warning)
     for note in data.notes:
         if not note.startswith("default: "):  # said already
             talk.note(f"note: {note}")
@@ -131,7 +133,8 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
     )
     talk.stop()
     for warning in result.warnings:
-        talk.warn(warning)
+        if warning not in data.warnings:  # said already
+            talk.warn(warning)
     write_text(folder / "log.jsonl", talk.log_text())
     return result
 

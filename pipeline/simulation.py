@@ -100,7 +100,11 @@ def simulate(
         cache=cache,
     )
     times = {"started": started, "ended": _now()}
-    result = dataclasses.replace(result, settings={**result.settings, **times})
+    result = dataclasses.replace(
+        result,
+        settings={**result.settings, **times},
+        warnings=(*data.warnings, *result.warnings),
+    )
     return with_requirements(result, scene) if isinstance(scene, Scene) else result
 
 

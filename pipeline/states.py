@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from patchlight.solver.errors import InputError
 from patchlight.solver.model import SceneData
-from patchlight.solver.model.result import matches
+from patchlight.solver.model.result import matching
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ def absent_parts(states: Iterable[State], names: Iterable[str], paths: list[str]
 def _rows(state: State, key: str, paths: list[str]) -> set[int]:
     out: set[int] = set()
     for pattern in getattr(state, key):
-        hits = {i for i, path in enumerate(paths) if matches(pattern, path)}
+        hits = set(matching(pattern, paths))
         if not hits:
             from difflib import get_close_matches
 

@@ -167,7 +167,8 @@ def simulate_year(
         filled = Filler(store, skies, day, tuple(burns), accuracy, progress).fill(scenes)
     parts = YearParts(first, weather, skies, clock, occupied, burns, settings)
     small, dims = small_dataset(parts, filled)
-    notes = [note for data in scenes.values() for note in data.notes if note != NO_LIGHT]
+    notes = [text for data in scenes.values() for text in data.warnings]
+    notes += [note for data in scenes.values() for note in data.notes if note != NO_LIGHT]
     remarks = [*weather.remarks, *far, *notes, *filled.warnings]
     small.attrs = {
         "schema_version": SCHEMA_VERSION,

@@ -19,7 +19,7 @@ from .memory import fits
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
-from .model.scene import SceneData
+from .model.scene import CONTACT, SceneData
 from .moved import points_in_new_light
 from .profile_mesh import with_profiles
 from .refinement import Looked, Refiner
@@ -27,9 +27,6 @@ from .reuse import Kept, tolerances
 from .stages import Stages
 from .surfaces import reflectances
 
-#: Distance above a surface at which it is asked whether something lies on it, relative to the
-#: scene's size.
-CONTACT = 1e-5
 #: Shining patches that are never too many to look where their light changes.
 MANY_LAMPS = 200
 #: Share of what is wrong with the light of a mesh, in the elements that are halved.

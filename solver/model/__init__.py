@@ -1,6 +1,6 @@
 """Data types shared by all packages; NumPy only."""
 
-from .cad import Certificate, Face, Model, Part
+from .cad import EDGE_KINDS, CadEdges, Certificate, Face, Model, Part
 from .daylight import DaylightFactors, DaylightShares
 from .elements import Elements
 from .glazing import Glass, Glazing
@@ -9,15 +9,18 @@ from .patch_sky import PatchSky
 from .patches import PatchSet
 from .photometry import Photometry, Web
 from .result import Balance, CameraImage, Result, SensorResult, SurfaceResult
-from .scene import BLACK, Luminaire, SceneData, SceneFace, ScenePart, Source
+from .scene import BLACK, CONTACT, Luminaire, SceneData, SceneFace, ScenePart, Source
 from .sky import CIESky, Ground, PerezSky, Site, Sky, Sun
 from .views import Camera, Sensors
 from .weather import Weather
 
 __all__ = [
     "BLACK",
+    "CONTACT",
+    "EDGE_KINDS",
     "Air",
     "Balance",
+    "CadEdges",
     "CIESky",
     "Camera",
     "CameraImage",

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from .arrays import FloatArray, frozen
+from ..errors import InputError
+from .arrays import FloatArray, IntArray, check_shape, frozen
 from .patches import PatchSet
+
+#: What the edges of a part can be, as `CadEdges.kind` counts them.
+EDGE_KINDS = ("unknown", "smooth", "sharp", "free", "non-manifold", "degenerate")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +100,75 @@ class Face:
         return self.patches == 0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CadEdges:
+    """B-rep edges of a model; row e of every array is what `PatchSet.edge_index` calls e.
+
+    Attributes
+    ----------
+    kind : (e,) int array
+        Place in `EDGE_KINDS`. An edge is *smooth* where its two faces have the same normal all
+        along it, within the ``angle_deg`` of the conversion (patches may be off by as much), else
+        *sharp*; a seam lies between a face and itself. It is *free* where no other face of the part
+        begins, on any stretch of it; *non-manifold* where more than two sides of faces meet;
+        *degenerate* where it is one point, a pole or an apex; *unknown* where a normal could not be
+        found.
+    part : (e,) int array
+        Row of the part.
+    faces : (e, 2) int array
+        Rows of `Model.faces` that meet there, the first two of a non-manifold edge; −1 for none.
+    angle_deg : (e,) array
+        Largest angle between the normals of the two faces along the edge, 180 where they fold back
+        onto each other; NaN where there are not just two. [deg]
+    """
+
+    kind: IntArray
+    part: IntArray
+    faces: IntArray
+    angle_deg: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(np.asarray(self.kind))
+        for name, dtype, shape in (
+            ("kind", np.int64, (n,)), ("part", np.int64, (n,)), ("faces", np.int64, (n, 2)),
+            ("angle_deg", np.float64, (n,)),
+        ):  # fmt: skip
+            array = frozen(getattr(self, name), dtype)
+            check_shape(f"CadEdges.{name}", array, shape)
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @classmethod
+    def none(cls) -> CadEdges:
+        """No edge: of models that were made of patches."""
+        no = np.zeros(0, dtype=np.int64)
+        return cls(no, no, no.reshape(0, 2), np.zeros(0))
+
+    def rows(self, kind: str, *, part: int | None = None) -> IntArray:
+        """Rows of the edges of a kind, of one part alone when it is given.
+
+        Raises
+        ------
+        InputError
+            If there is no such kind.
+        """
+        if kind not in EDGE_KINDS:
+            raise InputError(f"kind = {kind!r}: one of {', '.join(EDGE_KINDS)}")
+        found = self.kind == EDGE_KINDS.index(kind)
+        return np.flatnonzero(found if part is None else found & (self.part == part))
+
+    def counts(self, parts: int) -> tuple[dict[str, int], ...]:
+        """How many edges of each kind each of the ``parts`` has; kinds without any left out."""
+        table = np.zeros((parts, len(EDGE_KINDS)), dtype=np.int64)
+        np.add.at(table, (self.part, self.kind), 1)
+        return tuple(
+            {kind: n for kind, n in zip(EDGE_KINDS, row, strict=True) if n}
+            for row in table.tolist()
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Certificate:
     """What the conversion did to each face, and how long it took.
@@ -111,6 +185,8 @@ class Certificate:
         What was repaired or turned, one line each.
     reading_seconds, area_seconds : float
         The share of the CAD kernel's reading in ``seconds``, and the area check. [s]
+    part_edges : tuple of dict
+        By part: how many of its B-rep edges are of each of `EDGE_KINDS`, as `CadEdges` says.
     """
 
     faces: tuple[Face, ...]
@@ -119,6 +195,7 @@ class Certificate:
     notes: tuple[str, ...] = ()
     reading_seconds: float = 0.0
     area_seconds: float = 0.0
+    part_edges: tuple[dict[str, int], ...] = ()
 
     @property
     def faces_total(self) -> int:
@@ -149,6 +226,14 @@ class Certificate:
     def patches(self) -> int:
         """Number of patches of all faces."""
         return sum(f.patches for f in self.faces)
+
+    @property
+    def edges(self) -> dict[str, int]:
+        """Number of B-rep edges of each kind in all parts; kinds without any left out."""
+        total: Counter[str] = Counter()
+        for counts in self.part_edges:
+            total.update(counts)
+        return {kind: total[kind] for kind in EDGE_KINDS if total[kind]}
 
     def _largest(self, name: str) -> float:
         values = [getattr(f, name) for f in self.faces if not f.failed]
@@ -204,6 +289,9 @@ class Model:
         Length unit found or given.
     warnings : tuple of str
         What a user should know, one line each.
+    edges : CadEdges
+        All B-rep edges, smooth, sharp or free; ``patches.edge_index`` points here. None of models
+        that were made of patches.
     """
 
     name: str
@@ -215,3 +303,4 @@ class Model:
     sha256: str = ""
     unit: str = "mm"
     warnings: tuple[str, ...] = ()
+    edges: CadEdges = field(default_factory=CadEdges.none)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -289,7 +289,7 @@ class SurfaceSelector:
         result = self.result
         scene = result.scene
         paths = [part.path for part in scene.parts]
-        hits = [i for i, path in enumerate(paths) if matches(pattern, path)]
+        hits = matching(pattern, paths)
         if not hits:
             from difflib import get_close_matches
 
@@ -306,6 +306,16 @@ class SurfaceSelector:
             exitance_lm_m2=luminous(result.exitance)[rows],
             error_lx=result.element_error_lx[rows],
         )
+
+
+def matching(pattern: str, paths: Sequence[str]) -> list[int]:
+    """Which part paths match a pattern, as in `matches`.
+
+    One that is the path or last segment of a part, letter for letter, means that part alone, also
+    where it holds ``[``, ``?`` or ``*``.
+    """
+    exact = [i for i, p in enumerate(paths) if pattern in (p, p.rsplit("/", 1)[-1])]
+    return exact or [i for i, path in enumerate(paths) if matches(pattern, path)]
 
 
 def matches(pattern: str, path: str) -> bool:

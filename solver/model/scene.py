@@ -21,6 +21,9 @@ from .views import Camera, Sensors
 
 #: Row of `SceneData.materials` that reflects nothing.
 BLACK = -1
+#: Distance above a surface at which it is asked whether something lies on it, relative to the
+#: scene's size: faces that look at each other from nearer touch.
+CONTACT = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +139,8 @@ class SceneData:
     glass_index : (p,) int array
         Rows of ``glazings``, −1 where the patch is no glass. Patches that something is seen
         through come last.
+    notes, warnings : tuple of str
+        What is remarkable, and what is doubtful, about the scene itself, one line each.
     daylight_factors : DaylightFactors, optional
         Daylight factors to be found beside the light of the scene.
     outdoor_parts : tuple of int
@@ -165,6 +170,7 @@ class SceneData:
     glass_index: IntArray = field(default=None)  # type: ignore[arg-type, assignment]
     title: str = "scene"
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     daylight_factors: DaylightFactors | None = None
     outdoor_parts: tuple[int, ...] = ()
 

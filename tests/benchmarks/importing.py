@@ -9,13 +9,16 @@ converted again by itself, and the peak of memory; the largest deviation relativ
 angle of a normal [deg]; the worst area error of exact (=) and of approximated (~) faces; patches,
 the largest aspect (mean length along u over that along v, or its inverse) and smallest ratio of
 Jacobians inside a patch; and sides on an edge of the file that no other side of the part equals, of
-all. Below it: patches a face by kind of surface.
+all. Below it: patches a face by kind of surface, and of trimmed faces (no rectangle in (u, v))
+beside the least number that four-sided patches can do with (`least_patches`).
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import math
 import os
 import resource
 import subprocess
@@ -90,6 +93,54 @@ def by_kind(model: Model) -> dict[str, dict[str, float]]:
     }
 
 
+def least_patches(sides: int, holes: int) -> int:
+    """Patches that a region needs at least, with so many sides on its boundary.
+
+    With P patches, B sides on the boundary, I lines inside and V corners inside, Euler's formula
+    says (B + V) − (B + I) + P = 1 − holes, and four sides a patch, some perhaps collapsed, say
+    4 P >= B + 2 I. So P >= B / 2 − 1 + holes + V: it needs whole sides that meet whole sides.
+    """
+    return max(1, math.ceil(0.5 * sides - 1.0) + holes)
+
+
+def trimmed(
+    batches: Sequence[tuple[Any, ...]], found: Sequence[Any]
+) -> dict[str, list[tuple[int, int]]]:
+    """By kind: patches of each trimmed face that was converted, and the least it needs.
+
+    Sides are what the conversion itself starts from: lines, quarters of a turn, cubics of splines.
+    """
+    from patchlight.importers.convert import ERRORS
+    from patchlight.importers.curved_domain import curved_domain
+    from patchlight.importers.planar_domain import planar_domain
+    from patchlight.importers.rectangle import rectangle
+    from patchlight.importers.surfaces import Plane
+
+    out: dict[str, list[tuple[int, int]]] = defaultdict(list)
+    for (raws, tolerance, *_), faces in zip(batches, found, strict=True):
+        for raw, face in zip(raws, faces, strict=True):
+            if not len(face.nets):
+                continue
+            try:
+                plane = isinstance(raw.surface, Plane)
+                domain = (planar_domain if plane else curved_domain)(raw, raw.surface)
+            except ERRORS:
+                continue
+            margin = min(1e-6 * domain.size, 0.1 * tolerance)
+            if plane and all(len(region) == 1 == len(domain.regions) for region in domain.regions):
+                (loop,) = domain.regions[0]
+                turns = [a.directions[1] @ b.directions[0] for a, b in itertools.pairwise(loop)]
+                if len(loop) == 4 and all(a.straight for a in loop) and max(map(abs, turns)) < 1e-6:
+                    continue
+            elif not plane and rectangle(domain, margin) is not None:
+                continue
+            least = sum(
+                least_patches(sum(map(len, region)), len(region) - 1) for region in domain.regions
+            )
+            out[face.kind].append((len(face.nets), least))
+    return dict(out)
+
+
 def alone(convert: Any, faces: Sequence[Any], *options: Any) -> float:
     """CPU seconds of the slowest of some faces when each is converted by itself."""
     slowest = 0.0
@@ -107,11 +158,13 @@ def measured(path: Path, tolerance: float, angle_deg: float) -> dict[str, Any]:
 
     time.perf_counter = time.process_time  # the certificate's clock: other processes do not count
     batches: list[tuple[Any, ...]] = []
+    answers: list[Any] = []
     convert = assemble.convert_faces
 
     def kept(*arguments: Any) -> Any:
         batches.append(arguments)
-        return convert(*arguments)
+        answers.append(convert(*arguments))
+        return answers[-1]
 
     assemble.convert_faces = kept
     start = time.process_time()
@@ -163,6 +216,7 @@ def measured(path: Path, tolerance: float, angle_deg: float) -> dict[str, Any]:
         "area_error_approximated": worst_area(False),
         "patches": len(model.patches),
         "kinds": by_kind(model),
+        "trimmed": trimmed(batches, answers),
         "aspect": float(aspect.max()),
         "aspect_median": float(np.median(aspect)),
         "jacobian_ratio": float(ratio.min()),
@@ -243,6 +297,18 @@ def totals(found: dict[str, dict[str, Any]]) -> list[str]:
         out.append(
             f"  {kind:12s} {faces:5.0f} faces, {failed:3.0f} failed, patches a face: mean "
             f"{mean:6.1f}, most {max(o['most'] for o in ones):5.0f}"
+        )
+    cut: dict[str, list[tuple[int, int]]] = defaultdict(list)
+    for r in good:
+        for kind, pairs in r["trimmed"].items():
+            cut[kind] += pairs
+    for kind, pairs in sorted(cut.items()):
+        patches, least = np.array(pairs).T
+        out.append(
+            f"  {kind:12s} {len(pairs):5d} trimmed, patches a face: median "
+            f"{np.median(patches):4.1f} (least possible {np.median(least):4.1f}), mean "
+            f"{patches.mean():6.1f} "
+            f"({least.mean():.1f}), with no more than that {(patches <= least).mean():.0%}"
         )
     return out
 

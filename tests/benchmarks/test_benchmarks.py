@@ -247,3 +247,40 @@ def test_rates_are_compared_at_one_error():
     assert found["compared"] > 0.3
     for name in ("edges", "nn93", "polygon"):
         assert found[name]["rms"] <= bulk_rate.ERROR and found[name]["pairs_per_s"] > 0.0
+
+
+def test_no_decomposition_has_less_than_the_least_patches():
+    """Of planes in a box, a disc, rings and plates with holes; squares and rows reach it."""
+    import cadquery as cq
+    from importing import least_patches, trimmed
+    from patchlight.importers.convert import convert_faces
+    from patchlight.importers.extract import Extractor, faces_of
+
+    assert [least_patches(*n) for n in ((3, 0), (4, 0), (6, 0), (8, 1), (16, 3))] == [
+        1,
+        1,
+        2,
+        4,
+        10,
+    ]
+    plate = cq.Workplane().box(8, 4, 1).faces(">Z").workplane()
+    ring = cq.Workplane().circle(3).circle(1.5).extrude(1)
+    shapes = [
+        plate.rarray(2, 2, 3, 1).hole(1),
+        plate.hole(1.5),
+        ring,
+        cq.Workplane()
+        .polyline([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)])
+        .close()
+        .extrude(1),
+    ]
+    pairs = []
+    for shape in shapes:
+        found = shape.val().wrapped
+        extractor = Extractor(found, 1e-5)
+        raws = [extractor.face(face) for face in faces_of(found)]
+        faces = convert_faces(raws, 1e-4, 1.0, 8.0)
+        pairs += trimmed([(raws, 1e-4)], [faces])["plane"]
+    assert len(pairs) == 8
+    assert all(patches >= least for patches, least in pairs)
+    assert sum(patches == least for patches, least in pairs) >= 6

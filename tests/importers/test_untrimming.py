@@ -13,10 +13,12 @@ from patchlight.importers.cells import quality, straight_quality
 from patchlight.importers.convert import convert_faces
 from patchlight.importers.curves import Conic, Line
 from patchlight.importers.extract import Edge, EdgeUse, Extractor, faces_of
+from patchlight.importers.mesh import Mesh
+from patchlight.importers.planar_domain import planar_domain
 from patchlight.importers.projected import projected
 from patchlight.importers.surfaces import Round, SplineSurface
 from patchlight.importers.together import SurfaceBatch
-from patchlight.importers.triangulate import areas, overlapping, signed_area, triangulate
+from patchlight.importers.triangulate import areas, nudged, overlapping, signed_area, triangulate
 
 from .many_solids import SOLIDS
 
@@ -160,3 +162,83 @@ def test_rows_of_holes_take_few_patches(rows):
         assert face.area_error < 1e-6
         if face.kind == "plane" and face.patches > 1:
             assert face.patches <= 1.1 * (3 * count + 1) + 2 * sum(rows)
+
+
+def scattered(count):
+    """A plate with holes of radius 0.7 mm at random places, some walls 0.05 mm thin."""
+    rng = np.random.default_rng(3)
+    size = 1.9 * math.sqrt(count)
+    centers = np.zeros((0, 2))
+    while len(centers) < count:
+        place = rng.uniform(0.0, size, 2)
+        if not len(centers) or np.hypot(*(centers - place).T).min() > 1.45:
+            centers = np.vstack([centers, place])
+    corners = ((-1, -1), (size + 1, -1), (size + 1, size + 1), (-1, size + 1))
+    border = cq.Wire.makePolygon([cq.Vector(*c) for c in corners], close=True)
+    up = cq.Vector(0, 0, 1)
+    return cq.Face.makeFromWires(
+        border, [cq.Wire.makeCircle(0.7, cq.Vector(*c), up) for c in centers.tolist()]
+    )
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(600, marks=pytest.mark.slow)])
+def test_holes_at_random_places_take_few_patches(count):
+    model = from_cadquery(scattered(count), cache=False)
+    (face,) = model.faces
+    assert face.exact and face.area_error < 1e-6
+    # Five and five a hole are what is allowed; halving all arcs for the sake of a few takes more.
+    assert face.patches <= 4 * count + 5
+
+
+def circles(count):
+    """Arcs of a square plate with a row of holes, a quarter each."""
+    model = cq.Face.makeFromWires(
+        cq.Wire.makePolygon([cq.Vector(*c) for c in ((0, 0), (9, 0), (9, 2), (0, 2))], close=True),
+        [
+            cq.Wire.makeCircle(0.6, cq.Vector(1 + 1.5 * k, 1), cq.Vector(0, 0, 1))
+            for k in range(count)
+        ],
+    )
+    (raw,) = [Extractor(model.wrapped, 1e-6).face(f) for f in faces_of(model.wrapped)]
+    domain = planar_domain(raw, raw.surface)
+    return domain.regions[0], domain.chord
+
+
+def test_a_mesh_follows_its_boundary():
+    loops, chord = circles(5)
+    mesh = Mesh(chord)
+    assert mesh.update(loops)
+    first = set(mesh.triangles)
+    # One arc of a hole and one side of the plate are halved.
+    halved = [loops[0][0], loops[1][0]]
+    loops = [
+        [part for a in loop for part in (a.halves() if a in halved else (a,))] for loop in loops
+    ]
+    assert mesh.update(loops)
+    points = [np.array([a.start for a in loop]) for loop in loops]
+    count = sum(len(p) for p in points)
+    area = areas(mesh.points, np.array(mesh.triangles))
+    assert len(mesh.triangles) == count - 2 + 2 * 5
+    assert area.min() > 0.0
+    assert area.sum() == pytest.approx(sum(signed_area(p) for p in points), rel=1e-12)
+    # What is far away is still the same, and everything is what one gets from the start.
+    assert len(first & set(mesh.triangles)) > 0.5 * len(first)
+    again = Mesh(chord)
+    assert again.update(loops)
+
+    def places(m):
+        return {frozenset(map(tuple, m.points[list(t)].round(9).tolist())) for t in m.triangles}
+
+    assert len(places(mesh) - places(again)) <= 4 * 5  # diagonals of squares, which are as good
+
+
+def test_displaced_rows_are_no_rows():
+    """Vertices of equal holes are numbered in equal steps: their displacements are not."""
+    k = np.arange(400)
+    points = nudged(np.stack([k % 20, k // 20], axis=1).astype(float))
+    for step in (1, 2, 19, 20, 21):
+        a, b, c = (points[k[: 400 - 2 * step] + n * step] for n in range(3))
+        turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        straight = np.abs(turn) < 1e-3
+        assert straight.any()
+        assert np.abs(turn[straight]).min() > 1e-12

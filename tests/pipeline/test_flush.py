@@ -94,3 +94,22 @@ def test_solids_that_touch_and_faces_beside_each_other_stay():
     assert corners(data, "above")[..., 2].min() == pytest.approx(0.05 + 1e-9, abs=1e-13)
     assert corners(data, "beside")[..., 2].max() == pytest.approx(0.05 + 1e-9, abs=1e-13)
     assert not any("too near" in n for n in data.notes)
+
+
+def tiles(turn, lift):
+    """Two tiles whose boxes overlap and that only touch, the second one ``lift`` higher."""
+    tile = cq.Workplane().rect(1, 1).extrude(1).faces("<Z").val()
+    first = tile.rotate(cq.Vector(), cq.Vector(0, 0, 1), turn)
+    t = np.radians(turn)
+    step = cq.Vector(np.cos(t), np.sin(t), lift)
+    return {"one": first, "two": first.translate(step)}
+
+
+@pytest.mark.parametrize("turn", [0.0, 45.0, 20.0])
+def test_tiles_side_by_side_draw_no_note(turn):
+    assert not any("lies" in note for note in scene_of(**tiles(turn, 3e-6)).freeze().notes)
+    # Moved over each other by a tenth they do.
+    over = tiles(turn, 3e-6)
+    t = np.radians(turn)
+    over["two"] = over["two"].translate(cq.Vector(-0.1 * np.cos(t), -0.1 * np.sin(t), 0))
+    assert any("too near for light between them" in n for n in scene_of(**over).freeze().notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -100,6 +101,20 @@ def test_patterns_need_a_chosen_name(house):
     assert scene.assign("north/lights/*", Material(0.2)) == 12
     with pytest.raises(InputError):
         scene.assign("lights/lamp*", Material(0.2))
+
+
+def test_parts_are_meant_as_inspect_prints_them(make_model):
+    """Also with what patterns read otherwise, and without the name that the scene gives."""
+    box = ((1.0, 1.0, 1.0), (0, 0, 0), False)
+    model = make_model("file", {"set[1]/leg*": box, "set1/leg": box, "set[1]/legs": box})
+    for scene in (Scene(model), Scene()):
+        if not scene.entries:
+            scene.add(model, "room")
+        for part in model.parts:
+            assert scene.assign(part.path, Material(0.3)) == 6
+        assert scene.assign("leg*", Material(0.4)) == 6
+        assert scene.assign("l*", Material(0.4)) == 18
+        assert scene.assign("**/set?/*", Material(0.4)) == 6
 
 
 def test_pattern_without_match_names_the_three_nearest_paths(house):
@@ -389,3 +404,11 @@ def test_remarks_on_glass_light_and_sensors_below(make_model):
     assert "named like glass, but opaque" in notes and "m/window glass" in notes
     assert "no light" in notes
     assert "cellar: 1 of 1 are below" in notes
+
+
+def test_doubts_about_a_model_are_warnings_and_name_it_once(make_model):
+    model = make_model("chair", {"seat": ((0.01, 0.01, 0.01), (0, 0, 0), False)})
+    said = ("model chair is 0.01 m long, but a chair has 0.2 to 20 m", "3 of 6 faces have gone")
+    data = Scene(dataclasses.replace(model, warnings=said)).freeze()
+    assert data.warnings == (said[0], f"chair: {said[1]}")
+    assert not any(text in note for text in said for note in data.notes)
