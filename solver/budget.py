@@ -232,7 +232,7 @@ class Budget:
             nodes=nodes,
             moments=min(max(0.1 * accuracy, 1e-6), 1e-2),
             small=SMALL_OF_MANY if large else SMALL,
-            eps=min(max(3e-2 * accuracy, 1e-8), 2e-3),
+            eps=max(_eps(accuracy), _fine_eps(accuracy)),
             lines=_lines(accuracy, large),
             sensor_lines=int(min(max(SENSOR_LINES / accuracy, SENSOR_LINES_AT_LEAST), 4096)),
             sights=min(
@@ -250,7 +250,7 @@ class Budget:
     @property
     def fine_eps(self) -> float:
         """Relative accuracy of unoccluded form factors at sensors, and where nothing is hidden."""
-        return FINE_SHARE * self.eps * max(1.0, self.accuracy / LOOSE) ** 2
+        return _fine_eps(self.accuracy)
 
     @property
     def is_large(self) -> bool:
@@ -329,6 +329,15 @@ def scene_bytes(scene: SceneData) -> int:
     """What mirrors and panes of a scene take besides, a pair of receiver and element. [B]"""
     mirrors = any(float(m.mirror_bands.max()) > 0.0 for m in scene.materials)
     return more_bytes(mirrors=mirrors, panes=bool(scene.see_through.any()))
+
+
+def _eps(accuracy: float) -> float:
+    """Relative accuracy of unoccluded form factors between surfaces, but for the loosest runs."""
+    return min(max(3e-2 * accuracy, 1e-8), 2e-3)
+
+
+def _fine_eps(accuracy: float) -> float:
+    return FINE_SHARE * _eps(accuracy) * max(1.0, accuracy / LOOSE) ** 2
 
 
 def _lines(accuracy: float, large: bool) -> int:

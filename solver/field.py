@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .arrangement import Changed
 from .budget import Budget
@@ -194,12 +193,12 @@ class FieldSolver:
                 factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         lamps_see_out = sees_out and self.rows.sees_out(rows, lamps[of] & (unknowns.areas > 0.0))
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
-        averaged: dict[str, NDArray[np.bool_]] = {}
+        averaged: dict[str, FloatArray] = {}
         if told and self.lamp_groups:
             with self.stages.run("direct light"):
                 means, least = MeanLight(self.scene, self.blockers), (AVERAGED * budget.size) ** 2
-                which = means.put(light.direct, surfaces, unknowns, least)
-                averaged = dict.fromkeys(self.lamp_groups, which)
+                deviation = means.put(light.direct, surfaces, unknowns, least)
+                averaged = dict.fromkeys(self.lamp_groups, deviation)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
             shared = factors is rows.factors or self.kept.store is not None

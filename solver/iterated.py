@@ -73,6 +73,10 @@ class Finer:
         Elements that were halved.
     unseen : float
         What was not looked at, against what was: the change is that much larger.
+    sampled : (n,) array
+        Standard deviation of direct light that is told by rays. [lx]
+    sampled_sent : (n,) array
+        What of it is reflected. [lm/m²]
     put_right : float
         Largest share of the light of a group of lamps that the nodes had missed, or added.
     weights : (n,) array
@@ -90,6 +94,8 @@ class Finer:
     residual: FloatArray
     halved: IntArray
     unseen: float
+    sampled: FloatArray
+    sampled_sent: FloatArray
     put_right: float
     weights: FloatArray
 
@@ -163,8 +169,8 @@ def finer_light(
     components = {name: values.copy() for name, values in told.items()}
     for name, values in arriving.components.items():
         components[name][some] = values
-    for group, which in field.averaged.items():
-        name, at = f"{group}.direct", lift.new[which[chosen]]
+    for group, deviation in field.averaged.items():
+        name, at = f"{group}.direct", lift.new[~np.isnan(deviation[chosen])]
         components[name] = as_much(components[name], told[name], fine.areas, at)
     shares, (flux, eps) = [0.0], lamps
     for group, sent_on in flux.items():
@@ -205,6 +211,7 @@ def finer_light(
         residual=_residual(altered, fine, lift, chosen) * weights[:, None],
         halved=chosen,
         unseen=unseen,
+        **_sampled(field),
         put_right=max(shares),
         weights=weights,
     )
@@ -226,9 +233,16 @@ def as_it_is(field: Field) -> Finer:
         residual=np.zeros((n, 2)),
         halved=np.empty(0, dtype=np.int64),
         unseen=0.0,
+        **_sampled(field),
         put_right=0.0,
         weights=np.ones(n),
     )
+
+
+def _sampled(field: Field) -> dict[str, FloatArray]:
+    """What of direct light is told by rays only, and sent on."""
+    rho = field.surfaces.reflectance.max(axis=1)
+    return {"sampled": field.sampled, "sampled_sent": rho * field.sampled}
 
 
 def _chosen(

@@ -12,6 +12,9 @@ from .reuse import Kept
 
 #: Relative difference of exitances that is rounding.
 _SAME = 1e-9
+#: By how much unlike lamps may be dimmed: those that were faint beside others, and have no shadows,
+#: make up more of the light then by as much.
+UNLIKE = 4.0
 
 
 class KeptLight:
@@ -51,6 +54,14 @@ class KeptLight:
 
         return self.kept.find("direct light", (self._lamps, points, normals, patches), find)
 
+    def is_like(self, before: FloatArray) -> bool:
+        """Whether lamps that had exitances ``before`` (k,) [lm/m²] are dimmed much alike."""
+        shone = before > 0.0
+        if not np.array_equal(shone, self.shining > 0.0):
+            return False
+        ratios = self.shining[shone] / before[shone]
+        return bool(ratios.max(initial=0.0) <= UNLIKE * ratios.min(initial=np.inf))
+
     def change(
         self, points: FloatArray, normals: FloatArray, patches: IntArray, before: FloatArray
     ) -> tuple[float, FloatArray]:
@@ -59,15 +70,19 @@ class KeptLight:
         Pieces of lamps had exitances ``before`` (k,) [lm/m²]. Returns by what the light of then is
         to be multiplied, and what comes to that (m,) [lx]: of lamps which have changed unlike most.
         """
-        shone = before > 0.0
-        ratios = self.shining[shone] / before[shone]
-        usual = float(np.quantile(ratios, 0.5, method="lower")) if shone.any() else 0.0
+        ratios = self.shining / np.where(before > 0.0, before, 1.0)
+        usual = float(np.quantile(ratios, 0.5, method="lower"))
         more = self.shining - usual * before
         more[np.abs(more) <= _SAME * self.shining] = 0.0
         if not more.any():
             return usual, np.zeros(len(points))
-        lamps = DirectLight(self.scene, self.blockers, trace=self.trace, more=more)
-        return usual, lamps.at(points, normals, patches)[0]
+
+        def find() -> FloatArray:
+            lamps = DirectLight(self.scene, self.blockers, trace=self.trace, more=more)
+            return lamps.at(points, normals, patches)[0]
+
+        of = (self._lamps, before, points, normals, patches)
+        return usual, self.kept.find("change of light", of, find)
 
     def stays(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """See `DirectLight.stays`."""

@@ -87,5 +87,5 @@ def as_much(found: FloatArray, told: FloatArray, areas: FloatArray, pieces: IntA
     there, right = ((v[pieces] * parts).sum(axis=1, keepdims=True) / size for v in (found, told))
     enough = there > ENOUGH * right
     factor = right / np.where(enough, there, 1.0)
-    light[pieces] = np.where(enough, found[pieces] * factor, told[pieces])
+    light[pieces] = np.where(enough, found[pieces] * factor, right)
     return light

@@ -3,10 +3,10 @@
 The nodes of an element are few: of the shadows of furniture that repeats at even distances they may
 meet too many, or too few, on all elements alike. Here light is found in each of 6 x 6 equal parts
 of an element, or 2 x 2 of a small one, at places that differ from element to element, each with one
-ray to another place on every patch of the lamps: so the pairs of places are spread over element and
-lamp together, half shadows come out right on average, and what is left differs from element to
-element. What is wrong with the mean of an element is wrong with all that it sends on; how light
-varies over it is left to the nodes.
+ray to another place on every patch of the lamps, or on some for all where they are faint: so the
+pairs of places are spread over element and lamp together, half shadows come out right on average,
+and what is left differs from element to element. What is wrong with the mean of an element is wrong
+with all that it sends on; how light varies over it is left to the nodes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .unknowns import Unknowns
 LOOK, LOOK_SMALL, PLACES = 6, 2, 4
 #: Relative accuracy of unoccluded form factors.
 EPS = 1e-3
-#: Pairs of point and lamp at a time: some 60 MB.
+#: Pairs of point and lamp at a time: some 150 MB.
 PAIRS = 2_000_000
 #: Patches of lamps from which on looking would cost as much as the form factors.
 MOST_LAMPS = 2000
@@ -84,22 +84,23 @@ class MeanLight:
         surfaces: Surfaces,
         unknowns: Unknowns,
         least: float,
-    ) -> NDArray[np.bool_]:
+    ) -> FloatArray:
         """Scale ``direct`` irradiance (N, b) by light group to its means over the elements. [lx]
 
         Those of less area than ``least`` [m²] are looked at in fewer points, and those that are
-        covered in part at their open nodes alone: they are left as they are. Returns which (n,)
-        are not.
+        covered in part at their open nodes alone: they are left as they are. Returns the standard
+        deviation (n,) of the means, of all groups together [lx]; NaN where nothing was put.
         """
         elements = surfaces.elements
+        out = np.full(len(elements), np.nan)
         open_ = ~elements.buried.any(axis=1)
         several = (elements.weights > 0.0).sum(axis=1) > 1
         large = several | (elements.areas >= least)
         for some, look in ((several, LOOK), (~several & large, LOOK), (~large, LOOK_SMALL)):
             rows = np.flatnonzero(some & open_)
             if len(rows):
-                self._put(direct, surfaces, unknowns, rows, look)
-        return np.asarray(open_)
+                out[rows] = self._put(direct, surfaces, unknowns, rows, look)
+        return out
 
     def _put(
         self,
@@ -108,28 +109,40 @@ class MeanLight:
         unknowns: Unknowns,
         rows: IntArray,
         look: int,
-    ) -> None:
-        by_lamp = self.on(surfaces.elements, rows, look)
-        own = unknowns.of_elements(rows)
-        for group in dict.fromkeys(lamp.group for lamp in self.scene.luminaires):
-            new = np.zeros((len(rows), surfaces.emitted.shape[1]))
-            for k, lamp in enumerate(self.scene.luminaires):
-                if lamp.group == group:
-                    color = np.ones(1) if new.shape[1] == 1 else np.asarray(lamp.color)
-                    new += by_lamp[:, k, None] * color
-            new = np.maximum(new, 0.0)
+    ) -> FloatArray:
+        by_lamp, deviation = self.on(surfaces.elements, rows, look)
+        own, bands = unknowns.of_elements(rows), surfaces.emitted.shape[1]
+        found = {
+            group: np.zeros((len(rows), bands))
+            for group in dict.fromkeys(lamp.group for lamp in self.scene.luminaires)
+        }
+        for k, lamp in enumerate(self.scene.luminaires):
+            color = np.ones(1) if bands == 1 else np.asarray(lamp.color)
+            found[lamp.group] += by_lamp[:, k, None] * color
+        # Of a faint group less than nothing may have been found, and of others as much too much.
+        least = np.zeros((len(rows), bands))
+        total = np.maximum(sum(found.values(), least), 0.0)
+        more = sum((np.maximum(new, 0.0) for new in found.values()), least)
+        share = np.where(more > 0.0, total / np.where(more > 0.0, more, 1.0), 0.0)
+        for group, new in found.items():
+            new = np.maximum(new, 0.0) * share
             old, values = unknowns.mean(direct[group])[rows], direct[group][own]
             told = old > LEAST * new
             factor = new / np.where(told, old, 1.0)
             direct[group][own] = np.where(told[:, None], values * factor[:, None], new[:, None])
+        return deviation
 
-    def on(self, elements: Elements, rows: IntArray, look: int = LOOK) -> FloatArray:
+    def on(
+        self, elements: Elements, rows: IntArray, look: int = LOOK
+    ) -> tuple[FloatArray, FloatArray]:
         """Mean illuminance (k, lamps) of some elements by each luminaire. [lx]
 
-        That of a faint one may be less than 0; all of them together are as much as arrives.
+        That of a faint one may be less than 0; all of them together are as much as arrives. Also
+        the standard deviation (k,) of that, as it varies between neighbouring points: an upper
+        bound of what is left of it by places spread so evenly. [lx]
         """
         count, points_each = len(self.scene.luminaires), look**2
-        out = np.zeros((len(rows), count))
+        out, deviation = np.zeros((len(rows), count)), np.zeros(len(rows))
         chunk = max(1, PAIRS // (len(self.lamp) * points_each))
         for start in range(0, len(rows), chunk):
             some = rows[start : start + chunk]
@@ -145,12 +158,15 @@ class MeanLight:
             light = self._at(*flat, patches, some).reshape(len(some), points_each, -1)
             mean = np.einsum("kp,kpl->lk", size / size.sum(axis=1)[:, None], light)
             np.add.at(out[start : start + chunk].T, self.lamp, mean)
-        return out
+            grid = light.sum(axis=2).reshape(-1, look, look)
+            steps = [np.mean(np.diff(grid, axis=axis) ** 2, axis=(1, 2)) for axis in (1, 2)]
+            deviation[start : start + chunk] = np.sqrt(0.25 * (steps[0] + steps[1]) / points_each)
+        return out, deviation
 
     def _at(
         self, points: FloatArray, normals: FloatArray, patches: IntArray, elements: IntArray
     ) -> FloatArray:
-        """Illuminance (m, l) by each patch of the lamps, one ray to each. [lx]"""
+        """Illuminance (m, l) by each patch of the lamps, one ray to each or to some. [lx]"""
         factors = form_factor_matrix(
             points[:, None],
             normals[:, None],

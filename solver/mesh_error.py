@@ -85,7 +85,8 @@ def doubt_at(
     What the iterated gather changed tells of what is left: little far from the elements, more than
     it where they fill half of what is seen and are near. And each element may have more wrong than
     shows: what the light is off on all of it, and, as light that is only in another place on it
-    counts with the second power of half its width over its distance, how that varies.
+    counts with the second power of half its width over its distance, how that varies; and what
+    rays leave open of the light of lamps on it.
 
     Parameters
     ----------
@@ -115,14 +116,14 @@ def doubt_at(
         nearness = np.minimum(1.0, 2.0 * np.einsum("mn,mn->m", seen, near))
         found = (far + (NEAR - far) * nearness) * change[some]
         np.square(seen, out=seen)
-        varied = seen @ finer.moved**2 + (seen * near) @ finer.spread**2
+        varied = seen @ (finer.moved**2 + finer.sampled_sent**2) + (seen * near) @ finer.spread**2
         out[some] = np.hypot(found, OF_VARIED * np.sqrt(varied))
     return out
 
 
 def doubt_on(field: Field, finer: Finer) -> FloatArray:
     """The same (n,) for the mean over each element of ``field``, wherever light is wrong. [lx]"""
-    wrong = np.hypot(finer.moved, finer.spread)
+    wrong = np.sqrt(finer.moved**2 + finer.spread**2 + finer.sampled_sent**2)
     if not wrong.any():
         return finer.shift
     signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(wrong), SIGNS))

@@ -163,8 +163,11 @@ class Mesher:
         moved = not np.array_equal(mesh.nets, self.scene.patches.control_points)
         dimmed, looked = not np.array_equal(mesh.lamps[1], levels), mesh.looked
         other = not np.array_equal(mesh.lamps[0], index) or len(mesh.lamps[1]) != len(levels)
-        # Of what was looked at under a sun it is not known how much the lamps made.
-        if other or (dimmed and (moved or len(sun_numbers(self.scene)) > 0)):
+        # Of what was looked at under a sun it is not known how much the lamps made, and pieces of
+        # uneven lamps may be others.
+        mixed = len(sun_numbers(self.scene)) > 0
+        mixed |= any(lamp.profile is not None for lamp in self.scene.luminaires)
+        if other or (dimmed and (moved or mixed or not refiner.light.is_like(mesh.lamps[1]))):
             return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
         if dimmed:
             looked = refiner.relit(mesh.boxes, looked, mesh.lamps[1])

@@ -285,7 +285,7 @@ class Simulation:
             elements=field.surfaces.elements,
             components=light.components,
             exitance=field.surfaces.emitted + finer.reflected,
-            element_error_lx=self._element_error(light, on_elements),
+            element_error_lx=self._element_error(light, solved.finer.sampled, on_elements),
             sensors=sensors,
             images=images,
             balance=solved.balance,
@@ -392,7 +392,9 @@ class Simulation:
         kept.worth = kept.worth_before(of)
         solved = self._with_rows(solver, boxes)
         light = [one.illuminance_lx for one in solved.sensors.values()]
-        if not solved.kept.is_within(self.budget.accuracy, light):
+        # Rather all rows anew than a finer mesh because of those that stayed.
+        doubtful = bool(kept.old_rows) and not self._converged(solved.sensors)
+        if doubtful or not solved.kept.is_within(self.budget.accuracy, light):
             kept.exact = True
             solved = self._with_rows(solver, boxes)
         self.stages.counters.pop("rows_left", None)
@@ -462,11 +464,13 @@ class Simulation:
         """Whether the estimated error is within the accuracy asked at 95 % of the sensors."""
         return all(e <= self.budget.accuracy for e in accuracies_reached(sensors).values())
 
-    def _element_error(self, light: Gathered, shift: FloatArray) -> FloatArray:
+    def _element_error(self, light: Gathered, sampled: FloatArray, shift: FloatArray) -> FloatArray:
         """Half-width (n,) of the error on elements, ``shift`` being that of the mesh. [lx]
 
-        Sampling of partly hidden cells: two standard deviations. Quadrature and rounding: the
-        accuracy of unoccluded factors, and theirs, of the value.
+        Sampling of partly hidden cells, and of the light of lamps where rays tell it (``sampled``):
+        two standard deviations. Quadrature and rounding: the accuracy of unoccluded factors, and
+        theirs, of the value.
         """
         rules = OF_RULES * self.budget.eps + ROUNDING
-        return np.asarray(shift + 2.0 * light.deviation + rules * light.luminous())
+        deviation = np.hypot(light.deviation, sampled)
+        return np.asarray(shift + 2.0 * deviation + rules * light.luminous())

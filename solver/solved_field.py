@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .exchange import Rows
 from .fineness import Fineness
@@ -53,9 +52,10 @@ class Field:
         Reflected exitance of the unknowns by light group. [lm/m²]
     fineness : Fineness
         Of the sources.
-    averaged : dict of (n,) bool arrays
-        By group of lamps, elements whose direct light is as much as falls on all of each; of others
-        it is what the nodes tell.
+    averaged : dict of (n,) arrays
+        By group of lamps whose direct light on elements is the mean over them, told by rays, the
+        standard deviation of that, of all groups together [lx]; NaN where the nodes tell it. What
+        comes by way of mirrors is always told by these.
     """
 
     surfaces: Surfaces
@@ -72,7 +72,7 @@ class Field:
     arriving: Gathered
     sent: dict[str, FloatArray]
     fineness: Fineness
-    averaged: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    averaged: dict[str, FloatArray] = field(default_factory=dict)
 
     @property
     def all_sent(self) -> FloatArray:
@@ -92,6 +92,13 @@ class Field:
         at = luminous(self.surfaces.diffuse_at(self.unknowns) + self.all_sent)
         np.maximum.at(out, self.unknowns.element, at)
         return out
+
+    @property
+    def sampled(self) -> FloatArray:
+        """Standard deviation (n,) of the direct light of lamps where rays tell it. [lx]"""
+        for deviation in self.averaged.values():
+            return np.nan_to_num(deviation)
+        return np.zeros(len(self.surfaces.areas))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
