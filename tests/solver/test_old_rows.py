@@ -294,6 +294,8 @@ def test_what_is_behind_a_sheet_without_a_back_is_found_anew():
         room((*at, 1.6), things=(sheet,), points=[(0.0, 0.0, 0.8), *POINTS])
         for at in ((1.4, 1.8), (0.0, 0.0))
     ]
+    closed = made[0].patches.part_index != 2
+    made = [dataclasses.replace(one, closed=one.closed & closed) for one in made]
     run(made[0])
     again = run(made[1])
     assert again.counters.get("rows_left", 0) == 0
