@@ -10,7 +10,7 @@ import numpy as np
 from patchlight.solver.model import SceneData, SensorResult
 from patchlight.solver.model.arrays import FloatArray
 
-from .year_store import CHUNK, Block, Piece, YearStore
+from .year_store import CHUNK, Block, Piece, YearStore, range_name
 
 if TYPE_CHECKING:
     from patchlight.solver.coefficients import Coefficients
@@ -214,4 +214,4 @@ def _first_of(pieces: list[Piece]) -> list[Piece]:
 
 def _points_of(k: int, sensors: slice) -> str:
     """Name of what is told of some sensors besides their steps."""
-    return f"{k:03d}-{sensors.start:07d}-points"
+    return f"{k:03d}-{range_name(sensors)}-points"

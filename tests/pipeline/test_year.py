@@ -19,6 +19,7 @@ from patchlight.pipeline import (
 )
 from patchlight.pipeline.cli import main
 from patchlight.pipeline.states import absent_parts, make_state
+from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutputError
 
 from ..importers.weather_files import epw_text
@@ -143,6 +144,26 @@ def test_written_in_blocks_and_taken_up_again(tmp_path, weather_file, whole, mon
         assert found["grid"].values.tolist() == ["desk", "desk", "view"]
         assert found["occupied"].dtype == bool
     assert [p.name for p in tmp_path.iterdir()] == ["annual.nc"]
+
+
+def test_taken_up_again_with_other_blocks_of_sensors(tmp_path, weather_file, whole, monkeypatch):
+    """As many as memory had room for: another time their ends are others."""
+    monkeypatch.setattr(daylit, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(daylit, "SENSORS", 2)
+    target = tmp_path / "annual.nc"
+
+    def cut(stage, done, total):
+        if stage == "year" and done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate_year(room(), weather_file, accuracy=0.2, out=target, progress=cut)
+    assert list((tmp_path / ".annual.nc.blocks").glob("*.npz"))
+    monkeypatch.setattr(daylit, "SENSORS", 1)
+    with simulate_year(room(), weather_file, accuracy=0.2, out=target) as found:
+        values, own = found["illuminance"].values, whole["illuminance"].values
+        # But for surfaces that hardly matter, which blocks leave out: `beams.LEFT_OUT`.
+        np.testing.assert_allclose(values, own, rtol=2e-3, atol=2e-3 * own.max())
 
 
 def test_blocks_of_another_run_are_not_taken(tmp_path, weather_file, monkeypatch):
