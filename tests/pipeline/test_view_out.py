@@ -101,6 +101,20 @@ def test_panes_and_what_scatters():
     assert seen(scene).sight_angle_deg[0] == 0.0
 
 
+def test_blinds_that_are_up_hide_nothing():
+    """The first state counts where none is named, as in a year."""
+    scene = room((0.0, 1.0, 1.5))
+    wide = quad((-3, -0.05, -1), (3, -0.05, -1), (3, -0.05, 4), (-3, -0.05, 4))
+    scene.add(wide, "blind", two_sided=True)
+    assert seen(scene).sight_angle_deg[0] == 0.0
+    scene.add_state("up", absent="blind")
+    scene.add_state("down", present="blind")
+    assert seen(scene).sight_angle_deg[0] == pytest.approx(90.0, abs=END_DEG)
+    assert seen(scene, state="down").sight_angle_deg[0] == 0.0
+    with pytest.raises(InputError, match="'half': there is none of the name; states: up, down"):
+        seen(scene, state="half")
+
+
 def test_area_that_reaches_a_level():
     scene = room(*[(0.0, y, 1.5) for y in (0.5, 1.0, 1.5, 3.9)])
     found = seen(scene)
