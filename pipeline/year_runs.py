@@ -108,11 +108,16 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
 
 def _schedules(given: tuple[str, ...]) -> dict[str, str]:
     """Schedules of light groups, of words like ceiling=08:00-18:00."""
-    out = {}
+    out: dict[str, str] = {}
     for word in given:
         group, sign, when = word.rpartition("=")
         if not (group and sign and when):
             raise InputError(f"--electric {word!r}: must be like ceiling=08:00-18:00")
+        if group in out:
+            raise InputError(
+                f"--electric: {group!r} is given twice, {out[group]} and {when}: give it one "
+                "schedule, from the first time to the last"
+            )
         out[group] = when
     return out
 

@@ -355,6 +355,18 @@ def test_command(step_room, capsys):
         (["scene.toml", "--weather", "w.epw", "--schedule", "8-6"], "like 08:00-18:00"),
         (["basis.toml", "--weather", "two_days.epw"], "basis = 'constant'"),
         (["scene.toml", "--weather", "w.epw", "--electric", "ceiling"], "like ceiling=08:00-18:00"),
+        (
+            [
+                "scene.toml",
+                "--weather",
+                "w.epw",
+                "--electric",
+                "a=always",
+                "--electric",
+                "a=1:00-2:00",
+            ],
+            "--electric: 'a' is given twice, always and 1:00-2:00",
+        ),
         (["scene.toml"], "--weather"),
     ],
 )
