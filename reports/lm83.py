@@ -85,18 +85,29 @@ def group_rows(window_group: Sequence[str]) -> list[IntArray]:
 
 
 def exposed_points(
-    sun_illuminance: FloatArray, groups: list[IntArray], *, threshold_lx: float = ASE_LX
+    sun_illuminance: FloatArray,
+    window_group: Sequence[str],
+    *,
+    threshold_lx: float = ASE_LX,
 ) -> list[IntArray]:
     """Points (states, n) with too much sun through each window group, in each of its states. [1]
 
     The sun (k, m, n) comes through one group or another: what a group lets through is what there is
     more than in that state of it which lets through least. Blinds through which the sun shines are
-    counted for the other groups by that; of a single group all sun is its own.
+    counted for the other groups by that, and so is what windows without blinds do. Where no state
+    has a group, all sun is that of the one that the whole scene is.
+
+    Parameters
+    ----------
+    sun_illuminance : (k, m, n) array
+        Straight from the sun, in k states. [lx]
+    window_group : (k,) sequence of str
+        As of `group_rows`.
     """
-    out = []
-    for rows in groups:
+    out, named = [], any(window_group)
+    for rows in group_rows(window_group):
         through = sun_illuminance[rows]
-        if len(groups) > 1:
+        if named:
             through = through - through.min(axis=0)
         out.append(np.asarray((through > threshold_lx).sum(axis=1)))
     return out

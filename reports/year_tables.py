@@ -179,11 +179,12 @@ def _states(dataset: xarray.Dataset, rows: IntArray) -> IntArray | None:
     """State of each window group in each step, by the sun at the points ``rows``; None of one."""
     if "state" not in dataset["illuminance"].dims:
         return None
-    groups = group_rows(window_groups(dataset))
+    names = window_groups(dataset)
+    groups = group_rows(names)
     exposed = [np.zeros((len(own), dataset.sizes["time"]), dtype=np.int64) for own in groups]
     for some in _blocks(rows):
         for total, found in zip(
-            exposed, exposed_points(_light(dataset, some)[1], groups), strict=True
+            exposed, exposed_points(_light(dataset, some)[1], names), strict=True
         ):
             total += found
     return blinds_states(exposed, len(rows), groups)

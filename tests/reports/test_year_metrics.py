@@ -100,8 +100,9 @@ def test_sunlight_exposure_and_its_operators():
 
 def chosen(sun, window_group=None):
     """Rows of states in each step, of sun (k, m, n), the points looked at in two parts."""
-    groups = group_rows(window_group or [""] * len(sun))
-    parts = [exposed_points(sun[:, some], groups) for some in (slice(0, 40), slice(40, None))]
+    names = window_group or [""] * len(sun)
+    groups = group_rows(names)
+    parts = [exposed_points(sun[:, some], names) for some in (slice(0, 40), slice(40, None))]
     counts = [a + b for a, b in zip(*parts, strict=True)]
     return blinds_states(counts, sun.shape[1], groups)
 
@@ -140,6 +141,16 @@ def test_sun_that_blinds_let_through_closes_no_other_group():
     sun = np.stack([2.0 * each, each, each])
     assert chosen(sun, ["", "south", "west"]).tolist() == [[0], [0]]
     assert chosen(sun[:2]).tolist() == [[1]]
+
+
+def test_sun_through_a_window_without_blinds_closes_no_others():
+    """A group of one state has no row of its own: its sun is there in every state."""
+    other = np.full((100, 1), 3000.0)
+    own = np.concatenate([np.zeros((98, 1)), np.full((2, 1), 5000.0)])
+    sun = np.stack([own + other, other])
+    assert chosen(sun, ["", "south"]).tolist() == [[0]]
+    own[:3] = 2000.0
+    assert chosen(np.stack([own + other, other]), ["", "south"]).tolist() == [[1]]
 
 
 def test_daylight_hours_are_half_a_year():
