@@ -20,6 +20,7 @@ from .scene import Scene
 from .simulation import announce_kernels
 from .states import Setting, settings_of
 from .year_fill import Filler, Progress
+from .year_key import of_scene
 from .year_parts import YearParts, electric_schedules, small_dataset
 from .year_store import YearStore, key_of
 
@@ -153,7 +154,7 @@ def simulate_year(
         SCHEMA_VERSION, program, accuracy, list(scenes), weather.step_minutes, list(burns), day,
         weather.starts.astype(np.int64),
         [skies.sky_lx, skies.sun_normal_lx, skies.altitude_deg, skies.azimuth_deg, skies.shape],
-        [_of_scene(data, bool(burns)) for data in scenes.values()],
+        [of_scene(data, bool(burns)) for data in scenes.values()],
     )  # fmt: skip
     with limited(memory_gb), with_threads(threads):
         memory = YearMemory.of(
@@ -231,16 +232,6 @@ def with_grids(data: SceneData, sensors: str | Iterable[str] | None) -> SceneDat
             f"sensors: no grid named {missing[0]!r}; grids: {', '.join(have) or 'none'}"
         )
     return dataclasses.replace(data, sensors=tuple(have[name] for name in wanted))
-
-
-def _of_scene(data: SceneData, with_lamps: bool) -> tuple[object, ...]:
-    """What of a scene decides on the light of its sensors."""
-    lamps = (data.luminaires, data.luminaire_index) if with_lamps else ()
-    return (
-        data.patches, data.two_sided, data.closed, data.material_index, data.materials,
-        data.glazings, data.glass_index, data.ground, data.sensors, lamps,
-        [(part.path, part.kind) for part in data.parts],
-    )  # fmt: skip
 
 
 def _far(data: SceneData, weather: Weather) -> list[str]:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from patchlight.pipeline import Emitter, Ground, Material, SensorGrid, simulate, simulate_year
 from patchlight.pipeline.states import make_state, settings_of
+from patchlight.pipeline.year_key import of_scene
 from patchlight.pipeline.year_parts import electric_schedules
+from patchlight.pipeline.year_store import key_of
 from patchlight.reports.lm83 import in_states
 from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutOfMemoryError
@@ -161,6 +163,31 @@ def test_electric_light_beside_daylight(weather_file, whole):
     light, plain = (year["illuminance"].values.sum() for year in (found, whole))
     assert light == pytest.approx(plain, rel=0.03)
     assert "electric_on" not in simulate_year(lamp_room(), weather_file, accuracy=0.3)
+
+
+def test_lamps_with_profiles_by_functions(weather_file):
+    """They light the room, and a run that was cut is known again by what they return."""
+
+    def keys(*functions):
+        out = []
+        for function in functions:
+            scene = lamp_room()
+            scene.assign("lamp", Emitter(flux_lm=3000.0, group="ceiling", profile=function))
+            out.append(key_of(of_scene(scene.freeze(), True)))
+        return out
+
+    plain, same, other = keys(
+        lambda points: 1.0 + points[:, 0] ** 2,
+        lambda points: 1.0 + points[:, 0] * points[:, 0],
+        lambda points: 1.0 + points[:, 1] ** 2,
+    )
+    assert plain == same != other
+    scene = lamp_room()
+    scene.assign("lamp", Emitter(flux_lm=3000.0, group="ceiling", profile=lambda points: 1.0))
+    lux = simulate_year(scene, weather_file, accuracy=0.3, electric={"ceiling": "always"})
+    even = simulate_year(lamp_room(), weather_file, accuracy=0.3, electric={"ceiling": "always"})
+    name = "electric_illuminance"
+    np.testing.assert_allclose(lux[name].values, even[name].values, rtol=1e-6)
 
 
 def test_schedules_of_lamps():
