@@ -193,7 +193,13 @@ class Filler:
             data, luminaires=lamps, sky=None, sun=None, ground=None, cameras=(),
             daylight_factors=None,
         )  # fmt: skip
-        result = solve(scene, accuracy=self.accuracy, progress=self.progress, cache=True)
+        result = solve(
+            scene,
+            accuracy=self.accuracy,
+            progress=self.progress,
+            cache=True,
+            beside="electric",
+        )
         for g, group in enumerate(self.lamps):
             out[g] = np.concatenate([_light_of(grid, group) for grid in result.sensors.values()])
         warnings = [f"electric light: {text}" for text in result.warnings]

@@ -6,7 +6,15 @@ import dataclasses
 
 import numpy as np
 import pytest
-from patchlight.pipeline import Emitter, Ground, Material, SensorGrid, simulate, simulate_year
+from patchlight.pipeline import (
+    CIESky,
+    Emitter,
+    Ground,
+    Material,
+    SensorGrid,
+    simulate,
+    simulate_year,
+)
 from patchlight.pipeline.states import make_state, settings_of
 from patchlight.pipeline.year_key import of_scene
 from patchlight.pipeline.year_parts import electric_schedules
@@ -163,6 +171,21 @@ def test_electric_light_beside_daylight(weather_file, whole):
     light, plain = (year["illuminance"].values.sum() for year in (found, whole))
     assert light == pytest.approx(plain, rel=0.03)
     assert "electric_on" not in simulate_year(lamp_room(), weather_file, accuracy=0.3)
+
+
+def test_electric_light_leaves_what_is_kept_of_the_scene_itself(weather_file):
+    """A simulation of it, which a change of its lamps is to follow, stays known as it was."""
+    scene = lamp_room()
+    scene.sky = CIESky(5, zenith_luminance_cd_m2=2000.0)
+    STORE.clear()
+    simulate(scene, accuracy=0.2)
+    before = {key: value for key, (value, _) in STORE._values.items()}
+    assert before
+    simulate_year(scene, weather_file, accuracy=0.2, electric={"ceiling": "always"})
+    for key, value in before.items():
+        found = STORE.get(key)
+        assert found is value or np.array_equal(found, value)  # the same surfaces, kept again
+    STORE.clear()
 
 
 def test_lamps_with_profiles_by_functions(weather_file):
