@@ -99,8 +99,9 @@ def simulate_year(
         in lx, with the places of the sensors and what there is outside in each step. ``time`` is
         when each step begins in the standard time of the file, ``clock`` what clocks show,
         ``time_utc`` its middle in universal time. Also ``daylight_factor`` under the overcast sky
-        of type 16, ``sunlight_hours`` on the day, and with ``electric`` the light of each group,
-        ``electric_illuminance`` (lamps, sensor), and when it burns, ``electric_on`` (lamps, time).
+        of type 16, ``sunlight_hours`` on the day, in steps of 5 minutes, and with ``electric`` the
+        light of each group, ``electric_illuminance`` (lamps, sensor), and when it burns,
+        ``electric_on`` (lamps, time).
         Of ``out`` it reads values when they are used.
 
     Raises

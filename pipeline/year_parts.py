@@ -56,6 +56,7 @@ class YearParts:
 def small_dataset(parts: YearParts, filled: Filled) -> tuple[xarray.Dataset, tuple[str, ...]]:
     """Coordinates, what there is outside, and what is told of each sensor; and the dimensions."""
     import xarray as xr
+    from patchlight.solver.sun_day import STEP_MIN
 
     data, weather, skies = parts.scene, parts.weather, parts.skies
     points = np.concatenate([grid.points for grid in data.sensors])
@@ -95,7 +96,7 @@ def small_dataset(parts: YearParts, filled: Filled) -> tuple[xarray.Dataset, tup
         ),
         "sunlight_hours": (
             of_sensor, filled.points["sunlight_hours"][which],
-            {"units": "h", "long_name": "sun on a day without clouds"},
+            {"units": "h", "long_name": "sun on a day without clouds", "step_minutes": STEP_MIN},
         ),
     }  # fmt: skip
     if parts.burns:

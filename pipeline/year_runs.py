@@ -52,7 +52,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     The folder may hold what an earlier run left that was cut: it goes on from there.
     """
     from patchlight.importers import read_weather
-    from patchlight.reports import write_year
+    from patchlight.reports import write_year, year_remarks
     from patchlight.solver.local_time import schedule_minutes
 
     from .scene_file import build_scene, read_scene_file, resolved_config
@@ -96,7 +96,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
         memory_gb=options.memory_gb,
     )
     with dataset:
-        warnings = tuple(text for text in str(dataset.attrs["remarks"]).splitlines() if text)
+        warnings = tuple(year_remarks(dataset))
         converged = bool(dataset.attrs["converged"])
         inputs = [{"path": str(p.resolve()), "sha256": file_hash(p)} for p in used]
         rows = write_year(dataset, folder, inputs=inputs, config=resolved_config(file, path.parent))

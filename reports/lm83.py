@@ -23,6 +23,8 @@ from .autonomy import compare
 
 #: sDA: illuminance, and share of the hours. ASE: direct illuminance, and hours. [1]
 SDA_LX, SDA_SHARE, ASE_LX, ASE_HOURS = 300.0, 0.5, 1000.0, 250.0
+#: Time of every day that these are of: 3650 hours of 365 days. [1]
+LM83_HOURS = "08:00-18:00"
 #: Share of the points in direct sun beyond which blinds are closed. [1]
 BLINDS_SHARE = 0.02
 

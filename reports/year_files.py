@@ -14,6 +14,7 @@ from .autonomy import UDI_NAMES
 from .files import safe_names, write_text
 from .run_files import SCHEMA_VERSION, csv_text, library_versions, tool_version, write_json
 from .year_metrics import Row, year_rows
+from .year_remarks import year_remarks
 from .year_tables import grid_tables
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def write_year(
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "inputs": [dict(one) for one in inputs],
         "settings": dict(dataset.attrs),
-        "warnings": [text for text in str(dataset.attrs["remarks"]).splitlines() if text],
+        "warnings": year_remarks(dataset),
     }
     write_json(folder / "run.json", record)
     return rows
