@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .writer import write_report, write_run
     from .year_files import write_year
     from .year_metrics import year_rows
-    from .year_remarks import year_remarks
+    from .year_caveats import year_remarks
 
 __all__ = [
     "RequirementResult",
@@ -41,7 +41,7 @@ _HOME = {
     "write_report": ".writer",
     "write_run": ".writer",
     "write_year": ".year_files",
-    "year_remarks": ".year_remarks",
+    "year_remarks": ".year_caveats",
     "year_rows": ".year_metrics",
 }
 

@@ -14,7 +14,7 @@ from .autonomy import UDI_NAMES
 from .files import safe_names, write_text
 from .run_files import SCHEMA_VERSION, csv_text, library_versions, tool_version, write_json
 from .year_metrics import Row, year_rows
-from .year_remarks import year_remarks
+from .year_caveats import year_remarks
 from .year_tables import grid_tables
 
 if TYPE_CHECKING:
