@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from .metrics import RequirementResult, evaluate_requirements
     from .status import pdf_status, rendering_status
     from .writer import write_report, write_run
+    from .year_caveats import year_remarks
     from .year_files import write_year
     from .year_metrics import year_rows
-    from .year_caveats import year_remarks
 
 __all__ = [
     "RequirementResult",

@@ -13,8 +13,8 @@ from patchlight.solver.model.arrays import FloatArray
 from .autonomy import UDI_NAMES
 from .files import safe_names, write_text
 from .run_files import SCHEMA_VERSION, csv_text, library_versions, tool_version, write_json
-from .year_metrics import Row, year_rows
 from .year_caveats import year_remarks
+from .year_metrics import Row, year_rows
 from .year_tables import grid_tables
 
 if TYPE_CHECKING:

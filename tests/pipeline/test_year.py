@@ -367,6 +367,25 @@ def test_command(step_room, capsys):
             ],
             "--electric: 'a' is given twice, always and 1:00-2:00",
         ),
+        (
+            ["scene.toml", "--weather", "w.epw", "--electric", "a=8-6"],
+            "--electric 'a=8-6': schedule = '8-6': must be two times of a day, like 08:00-18:00, "
+            "the second later, or 'always'",
+        ),
+        (["scene.toml", "--weather", "w.epw", "--sun-day", "3-21"], "--sun-day: sun_day = '3-21'"),
+        (
+            ["scene.toml", "--weather", "w.epw", "--sun-day", "W12-3"],
+            "--sun-day: sun_day = 'W12-3'",
+        ),
+        (
+            ["scene.toml", "--weather", "two_days.epw", "--sun-day", "02-29"],
+            "--sun-day: sun_day = '02-29': must be month and day of 2001",
+        ),
+        (
+            ["scene.toml", "--weather", "w.epw", "--sun-above", "90"],
+            "--sun-above: sun_above_deg = 90.0: must be at least 0 and below 90",
+        ),
+        (["scene.toml", "--weather", "w.epw", "--memory", "0"], "--memory: memory_gb = 0.0"),
         (["scene.toml"], "--weather"),
     ],
 )
