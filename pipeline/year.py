@@ -21,7 +21,7 @@ from .simulation import announce_kernels
 from .states import Setting, settings_of
 from .year_fill import Filler, Progress
 from .year_key import of_scene
-from .year_parts import YearParts, electric_schedules, small_dataset
+from .year_parts import YearParts, electric_schedules, photometry_lines, small_dataset
 from .year_store import YearStore, key_of
 
 if TYPE_CHECKING:
@@ -185,6 +185,7 @@ def simulate_year(
         "step_minutes": weather.step_minutes,
         "schedule": schedule,
         "electric": ", ".join(f"{group} {when}" for group, when in (electric or {}).items()),
+        "photometry": "\n".join(photometry_lines(scenes.values(), burns)),
         "sun_day": sun_day,
         "sun_above_deg": sun_above_deg,
         "accuracy": accuracy,

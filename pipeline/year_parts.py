@@ -136,3 +136,15 @@ def electric_schedules(
         except InputError as error:
             raise InputError(f"electric: {group}: {error}, or {ALWAYS!r}") from None
     return out
+
+
+def photometry_lines(scenes: Iterable[SceneData], burning: Iterable[str]) -> list[str]:
+    """Hash and name of the photometric files of groups of lamps that burn, each once."""
+    groups = set(burning)
+    webs = [
+        lamp.web.photometry
+        for data in scenes
+        for lamp in data.luminaires
+        if lamp.web is not None and lamp.group in groups
+    ]
+    return list(dict.fromkeys(f"{web.sha256} {web.source}" for web in webs if web.sha256))

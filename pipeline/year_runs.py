@@ -112,12 +112,22 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     with dataset:
         warnings = tuple(year_remarks(dataset))
         converged = bool(dataset.attrs["converged"])
-        inputs = [{"path": str(p.resolve()), "sha256": file_hash(p)} for p in used]
-        rows = write_year(dataset, folder, inputs=inputs, config=resolved_config(file, path.parent))
+        rows = write_year(
+            dataset,
+            folder,
+            inputs=[_named(one) for one in used],
+            scene=_named(path),
+            config=resolved_config(file, path.parent),
+        )
     talk.stop()
     for warning in warnings:
         talk.warn(warning)
     return YearRun(folder, rows, warnings, converged)
+
+
+def _named(path: Path) -> dict[str, str]:
+    """A file and its hash, for run.json."""
+    return {"path": str(path.resolve()), "sha256": file_hash(path)}
 
 
 def _schedules(given: tuple[str, ...]) -> dict[str, str]:

@@ -18,6 +18,7 @@ from patchlight.pipeline import (
     year_store,
 )
 from patchlight.pipeline.cli import main
+from patchlight.pipeline.output import file_hash
 from patchlight.pipeline.states import absent_parts, make_state
 from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutputError
@@ -341,6 +342,8 @@ def test_command(step_room, capsys):
     assert {item["path"].rsplit("/", 1)[-1] for item in record["inputs"]} == {
         "room.step", "two_days.epw",
     }  # fmt: skip
+    assert record["scene"] == {"path": str(scene.resolve()), "sha256": file_hash(scene)}
+    assert record["photometry"] == []
     assert main([*command, "--json"]) == 0  # once more into the same folder
     rows = json.loads(capsys.readouterr().out)
     assert {row["sensor_id"] for row in rows} == {"desk"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -15,10 +16,12 @@ from patchlight.pipeline import (
     simulate,
     simulate_year,
 )
+from patchlight.pipeline.output import file_hash
 from patchlight.pipeline.states import make_state, settings_of
 from patchlight.pipeline.year_key import of_scene
 from patchlight.pipeline.year_parts import electric_schedules
 from patchlight.pipeline.year_store import key_of
+from patchlight.reports import write_year
 from patchlight.reports.lm83 import in_states
 from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutOfMemoryError
@@ -27,6 +30,7 @@ from patchlight.solver.store import STORE
 from patchlight.solver.year_memory import YearMemory
 
 from ..importers.weather_files import epw_text
+from .test_webs import ldt
 from .window_room import level, quad, window_room
 
 POINTS = [(x, y, 0.8) for x in (-1.0, 0.0, 1.0) for y in (0.6, 1.6, 2.6)]
@@ -211,6 +215,23 @@ def test_lamps_with_profiles_by_functions(weather_file):
     even = simulate_year(lamp_room(), weather_file, accuracy=0.3, electric={"ceiling": "always"})
     name = "electric_illuminance"
     np.testing.assert_allclose(lux[name].values, even[name].values, rtol=1e-6)
+
+
+def test_photometric_files_of_lamps_that_burn_are_told(weather_file, tmp_path):
+    scene = room()
+    for k, group in enumerate(("flood", "spot")):
+        path = tmp_path / f"{group}.ldt"
+        path.write_text(ldt(flux=1000.0 * (k + 1)))
+        scene.add(level(0.1, 2.7 + 0.1 * k, up=False), group)
+        scene.assign(group, Emitter(photometry=path, group=group))
+    for electric, expected in (({"spot": "always"}, [path]), (None, [])):
+        year = simulate_year(scene, weather_file, accuracy=0.3, electric=electric)
+        write_year(year, tmp_path, inputs=[])
+        record = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
+        assert record["photometry"] == [
+            {"path": str(one), "sha256": file_hash(one)} for one in expected
+        ]
+        assert "photometry" not in record["settings"]
 
 
 def test_schedules_of_lamps():
