@@ -52,7 +52,7 @@ def view_out(
     Returns
     -------
     dict of ViewOut
-        By the name of the grid: angles [deg], distances [m], layers, and levels.
+        By the name of the grid: angles [deg], distances from the eye [m], layers, and levels.
 
     Raises
     ------
