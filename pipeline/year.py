@@ -166,7 +166,8 @@ def simulate_year(
         if progress is not None:
             progress(f"up to {told / GB:.1f} GB of memory besides the program", 0, 1)
         store = YearStore(path, key)
-        filled = Filler(store, skies, day, tuple(burns), accuracy, progress).fill(scenes)
+        filler = Filler(store, skies, day, tuple(burns), accuracy, progress, memory.result)
+        filled = filler.fill(scenes)
     parts = YearParts(first, weather, skies, clock, occupied, burns, settings)
     small, dims = small_dataset(parts, filled)
     notes = [text for data in scenes.values() for text in data.warnings]

@@ -70,6 +70,8 @@ class Filler:
         As of `DaylitScene.of`.
     progress : callable or None
         As of `simulate_year`.
+    reserve : int
+        Memory that values of all steps are to have. [B]
     """
 
     store: YearStore
@@ -78,6 +80,7 @@ class Filler:
     lamps: tuple[str, ...]
     accuracy: float
     progress: Progress | None
+    reserve: int
 
     def fill(self, scenes: Mapping[str, SceneData]) -> Filled:
         """All states, each solved once, and not at all where the store has all of it."""
@@ -133,7 +136,7 @@ class Filler:
         lux, also, reached = self._electric(data)
         self.store.put(f"{k:03d}-electric", {"lux": lux})
         daylit = DaylitScene.of(data, accuracy=self.accuracy, stages=stages)
-        edges = [*range(0, len(daylit), daylit.block), len(daylit)]
+        edges = [*range(0, len(daylit), daylit.block(self.reserve)), len(daylit)]
         pieces = self._pieces(k, edges)
         open_ = [piece for piece in pieces if not self.store.has(piece.name)]
         done = 0

@@ -123,6 +123,30 @@ def test_what_is_kept_for_later_runs_gives_way(monkeypatch):
     STORE.clear()
 
 
+def test_packed_form_factors_may_be_in_a_file(monkeypatch):
+    """What must be memory is less; with less room for both, that is refused."""
+    gb = 10**9
+    year = YearMemory(
+        mesh=20 * gb, least_mesh=gb, packed=8 * gb, block=gb, least_block=gb // 10, result=0,
+        elements=60_000, sensors=1000,
+    )  # fmt: skip
+    disk = [10 * gb]
+    monkeypatch.setattr("patchlight.solver.memory.available_bytes", lambda: 2 * gb)
+    monkeypatch.setattr("patchlight.solver.memory.free_on_disk", lambda: disk[0])
+    year.check()
+    assert year.least == 1.1 * gb and year.most == 2 * gb
+    disk[0] = 7 * gb
+    with pytest.raises(OutOfMemoryError, match=r"needs 1\.1 GB .* and 8\.0 GB of memory or temp"):
+        year.check()
+    # As many sensors at a time as there is room for, and never fewer than are told of.
+    usual = daylit.block_of(10_000, 1)
+    each = daylit.bytes_of_sensor(10_000, 1)
+    assert usual > 2 * daylit.SENSORS
+    assert daylit.block_of(10_000, 1, 50 * gb) == usual
+    assert daylit.block_of(10_000, 1, 2 * daylit.SENSORS * each) == 2 * daylit.SENSORS
+    assert daylit.block_of(10_000, 1, 0) == daylit.block_of(10_000, 1, -gb) == daylit.SENSORS
+
+
 def test_memory_grows_with_what_is_kept():
     """Values of all steps count where no file takes them, and a state has as many again."""
     data = room().freeze()
