@@ -8,7 +8,9 @@ import numpy as np
 from patchlight.solver.model import Luminaire, SceneData
 from patchlight.solver.model.arrays import FloatArray
 
-#: Points a direction of each patch at which a profile that is a function is told apart.
+#: Points a direction of each patch at which a profile that is a function is told apart: many
+#: against the 7 by which the solver looks at an element. A change that shows at none of them is
+#: not seen.
 PROFILE_POINTS = 32
 
 
