@@ -161,7 +161,8 @@ def year(
     sun_above
         Altitude from which on the sun counts on that day. [deg]
     memory
-        Most memory that the process may take; what is free when not given. [GB]
+        Most memory that this process may take while it simulates; what is free when not given. How
+        much reading a model may take stands in the scene file. [GB]
     force
         Write into a folder that holds something else.
     no_cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from patchlight.solver.errors import InputError
 
 from .assigning import matched_parts, row_offsets
 from .scene import Scene
+from .states import settings_of
 from .year import with_grids
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ def view_out(
     sensors: str | Iterable[str] | None = None,
     outside: Patterns = (),
     ground: Patterns = (),
+    state: str | Iterable[str] | None = None,
 ) -> dict[str, ViewOut]:
     """Sight angle, distance and layers of the view out of every sensor, by EN 17037 [1].
 
@@ -35,18 +38,21 @@ def view_out(
     Parameters
     ----------
     scene : Scene
-        With all its parts, in whatever state.
+        The room and what stands around it; lamps and sky do not count.
     sensors : str or several, optional
         Names of grids; all of them when not given.
     outside : str or several
         Patterns of parts that stand outdoors and are seen as landscape, such as houses and trees.
     ground : str or several
         Patterns of parts that are the ground outdoors.
+    state : str or several, optional
+        State of the scene (`Scene.add_state`), or one of each window group; the first of each when
+        not given, such as blinds that are up.
 
     Returns
     -------
     dict of ViewOut
-        By the name of the grid: angles [deg], distances [m], layers, and levels.
+        By the name of the grid: angles [deg], distances from the eye [m], layers, and levels.
 
     Raises
     ------
@@ -60,7 +66,11 @@ def view_out(
     """
     from patchlight.solver.view_out import Viewer
 
-    data = with_grids(scene.freeze(), sensors)
+    if state is None and scene.states:
+        state = settings_of(scene.states.values())[0].states
+    # Sensors may lie on parts that are not there in this state.
+    grids = with_grids(scene.freeze(), sensors).sensors
+    data = dataclasses.replace(scene.freeze(state=state), sensors=grids)
     if not data.sensors:
         raise InputError("view_out: the scene has no sensors; give a grid")
     clear = np.array([glazing.glass.diffuse == 0.0 for glazing in data.glazings] + [False])

@@ -20,7 +20,8 @@ from .scene import Scene
 from .simulation import announce_kernels
 from .states import Setting, settings_of
 from .year_fill import Filler, Progress
-from .year_parts import YearParts, electric_schedules, small_dataset
+from .year_key import of_scene
+from .year_parts import YearParts, electric_schedules, photometry_lines, small_dataset
 from .year_store import YearStore, key_of
 
 if TYPE_CHECKING:
@@ -98,8 +99,9 @@ def simulate_year(
         in lx, with the places of the sensors and what there is outside in each step. ``time`` is
         when each step begins in the standard time of the file, ``clock`` what clocks show,
         ``time_utc`` its middle in universal time. Also ``daylight_factor`` under the overcast sky
-        of type 16, ``sunlight_hours`` on the day, and with ``electric`` the light of each group,
-        ``electric_illuminance`` (lamps, sensor), and when it burns, ``electric_on`` (lamps, time).
+        of type 16, ``sunlight_hours`` on the day, in steps of 5 minutes, and with ``electric`` the
+        light of each group, ``electric_illuminance`` (lamps, sensor), and when it burns,
+        ``electric_on`` (lamps, time).
         Of ``out`` it reads values when they are used.
 
     Raises
@@ -153,7 +155,7 @@ def simulate_year(
         SCHEMA_VERSION, program, accuracy, list(scenes), weather.step_minutes, list(burns), day,
         weather.starts.astype(np.int64),
         [skies.sky_lx, skies.sun_normal_lx, skies.altitude_deg, skies.azimuth_deg, skies.shape],
-        [_of_scene(data, bool(burns)) for data in scenes.values()],
+        [of_scene(data, bool(burns)) for data in scenes.values()],
     )  # fmt: skip
     with limited(memory_gb), with_threads(threads):
         memory = YearMemory.of(
@@ -164,7 +166,8 @@ def simulate_year(
         if progress is not None:
             progress(f"up to {told / GB:.1f} GB of memory besides the program", 0, 1)
         store = YearStore(path, key)
-        filled = Filler(store, skies, day, tuple(burns), accuracy, progress).fill(scenes)
+        filler = Filler(store, skies, day, tuple(burns), accuracy, progress, memory.result)
+        filled = filler.fill(scenes)
     parts = YearParts(first, weather, skies, clock, occupied, burns, settings)
     small, dims = small_dataset(parts, filled)
     notes = [text for data in scenes.values() for text in data.warnings]
@@ -183,6 +186,7 @@ def simulate_year(
         "step_minutes": weather.step_minutes,
         "schedule": schedule,
         "electric": ", ".join(f"{group} {when}" for group, when in (electric or {}).items()),
+        "photometry": "\n".join(photometry_lines(scenes.values(), burns)),
         "sun_day": sun_day,
         "sun_above_deg": sun_above_deg,
         "accuracy": accuracy,
@@ -231,16 +235,6 @@ def with_grids(data: SceneData, sensors: str | Iterable[str] | None) -> SceneDat
             f"sensors: no grid named {missing[0]!r}; grids: {', '.join(have) or 'none'}"
         )
     return dataclasses.replace(data, sensors=tuple(have[name] for name in wanted))
-
-
-def _of_scene(data: SceneData, with_lamps: bool) -> tuple[object, ...]:
-    """What of a scene decides on the light of its sensors."""
-    lamps = (data.luminaires, data.luminaire_index) if with_lamps else ()
-    return (
-        data.patches, data.two_sided, data.closed, data.material_index, data.materials,
-        data.glazings, data.glass_index, data.ground, data.sensors, lamps,
-        [(part.path, part.kind) for part in data.parts],
-    )  # fmt: skip
 
 
 def _far(data: SceneData, weather: Weather) -> list[str]:

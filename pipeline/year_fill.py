@@ -10,7 +10,7 @@ import numpy as np
 from patchlight.solver.model import SceneData, SensorResult
 from patchlight.solver.model.arrays import FloatArray
 
-from .year_store import CHUNK, Block, Piece, YearStore
+from .year_store import CHUNK, Block, Piece, YearStore, range_name
 
 if TYPE_CHECKING:
     from patchlight.solver.coefficients import Coefficients
@@ -70,6 +70,8 @@ class Filler:
         As of `DaylitScene.of`.
     progress : callable or None
         As of `simulate_year`.
+    reserve : int
+        Memory that values of all steps are to have. [B]
     """
 
     store: YearStore
@@ -78,6 +80,7 @@ class Filler:
     lamps: tuple[str, ...]
     accuracy: float
     progress: Progress | None
+    reserve: int
 
     def fill(self, scenes: Mapping[str, SceneData]) -> Filled:
         """All states, each solved once, and not at all where the store has all of it."""
@@ -133,7 +136,7 @@ class Filler:
         lux, also, reached = self._electric(data)
         self.store.put(f"{k:03d}-electric", {"lux": lux})
         daylit = DaylitScene.of(data, accuracy=self.accuracy, stages=stages)
-        edges = [*range(0, len(daylit), daylit.block), len(daylit)]
+        edges = [*range(0, len(daylit), daylit.block(self.reserve)), len(daylit)]
         pieces = self._pieces(k, edges)
         open_ = [piece for piece in pieces if not self.store.has(piece.name)]
         done = 0
@@ -193,7 +196,13 @@ class Filler:
             data, luminaires=lamps, sky=None, sun=None, ground=None, cameras=(),
             daylight_factors=None,
         )  # fmt: skip
-        result = solve(scene, accuracy=self.accuracy, progress=self.progress, cache=True)
+        result = solve(
+            scene,
+            accuracy=self.accuracy,
+            progress=self.progress,
+            cache=True,
+            beside="electric",
+        )
         for g, group in enumerate(self.lamps):
             out[g] = np.concatenate([_light_of(grid, group) for grid in result.sensors.values()])
         warnings = [f"electric light: {text}" for text in result.warnings]
@@ -214,4 +223,4 @@ def _first_of(pieces: list[Piece]) -> list[Piece]:
 
 def _points_of(k: int, sensors: slice) -> str:
     """Name of what is told of some sensors besides their steps."""
-    return f"{k:03d}-{sensors.start:07d}-points"
+    return f"{k:03d}-{range_name(sensors)}-points"

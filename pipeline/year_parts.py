@@ -56,6 +56,7 @@ class YearParts:
 def small_dataset(parts: YearParts, filled: Filled) -> tuple[xarray.Dataset, tuple[str, ...]]:
     """Coordinates, what there is outside, and what is told of each sensor; and the dimensions."""
     import xarray as xr
+    from patchlight.solver.sun_day import STEP_MIN
 
     data, weather, skies = parts.scene, parts.weather, parts.skies
     points = np.concatenate([grid.points for grid in data.sensors])
@@ -95,7 +96,7 @@ def small_dataset(parts: YearParts, filled: Filled) -> tuple[xarray.Dataset, tup
         ),
         "sunlight_hours": (
             of_sensor, filled.points["sunlight_hours"][which],
-            {"units": "h", "long_name": "sun on a day without clouds"},
+            {"units": "h", "long_name": "sun on a day without clouds", "step_minutes": STEP_MIN},
         ),
     }  # fmt: skip
     if parts.burns:
@@ -135,3 +136,15 @@ def electric_schedules(
         except InputError as error:
             raise InputError(f"electric: {group}: {error}, or {ALWAYS!r}") from None
     return out
+
+
+def photometry_lines(scenes: Iterable[SceneData], burning: Iterable[str]) -> list[str]:
+    """Hash and name of the photometric files of groups of lamps that burn, each once."""
+    groups = set(burning)
+    webs = [
+        lamp.web.photometry
+        for data in scenes
+        for lamp in data.luminaires
+        if lamp.web is not None and lamp.group in groups
+    ]
+    return list(dict.fromkeys(f"{web.sha256} {web.source}" for web in webs if web.sha256))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,9 +11,12 @@ from typing import TYPE_CHECKING, Any
 from patchlight.solver.compile_ahead import compile_ahead
 from patchlight.solver.effort import check_effort
 from patchlight.solver.errors import InputError, MissingFileError
+from patchlight.solver.local_time import schedule_minutes
+from patchlight.solver.memory import check_limit
 
 from .output import file_hash, prepare_output
 from .year import simulate_year
+from .year_parts import ALWAYS
 
 if TYPE_CHECKING:
     from .talk import Talk
@@ -52,19 +57,28 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     The folder may hold what an earlier run left that was cut: it goes on from there.
     """
     from patchlight.importers import read_weather
-    from patchlight.reports import write_year
-    from patchlight.solver.local_time import schedule_minutes
+    from patchlight.reports import write_year, year_remarks
+    from patchlight.solver.sun_day import check_above, check_day
 
     from .scene_file import build_scene, read_scene_file, resolved_config
 
     check_effort(options.accuracy, options.threads)
-    schedule_minutes(options.schedule)
+    with _of("--schedule"):
+        schedule_minutes(options.schedule)
     electric = _schedules(options.electric)
+    with _of("--sun-day"):
+        check_day(options.sun_day)
+    with _of("--sun-above"):
+        check_above(options.sun_above_deg)
+    with _of("--memory"):
+        check_limit(options.memory_gb)
     if not path.exists():
         raise MissingFileError(f"{path}: no such file")
     if path.suffix.lower() != ".toml":
         raise InputError(f"{path}: a year needs a scene file that ends in .toml, with sensors")
     weather = read_weather(options.weather)
+    with _of("--sun-day"):
+        check_day(options.sun_day, weather.starts[0].astype(object).year)
     compile_ahead()
     folder = options.output or Path(f"{path.stem}-patchlight-year")
     file = read_scene_file(path)
@@ -96,25 +110,52 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
         memory_gb=options.memory_gb,
     )
     with dataset:
-        warnings = tuple(text for text in str(dataset.attrs["remarks"]).splitlines() if text)
+        warnings = tuple(year_remarks(dataset))
         converged = bool(dataset.attrs["converged"])
-        inputs = [{"path": str(p.resolve()), "sha256": file_hash(p)} for p in used]
-        rows = write_year(dataset, folder, inputs=inputs, config=resolved_config(file, path.parent))
+        rows = write_year(
+            dataset,
+            folder,
+            inputs=[_named(one) for one in used],
+            scene=_named(path),
+            config=resolved_config(file, path.parent),
+        )
     talk.stop()
     for warning in warnings:
         talk.warn(warning)
     return YearRun(folder, rows, warnings, converged)
 
 
+def _named(path: Path) -> dict[str, str]:
+    """A file and its hash, for run.json."""
+    return {"path": str(path.resolve()), "sha256": file_hash(path)}
+
+
 def _schedules(given: tuple[str, ...]) -> dict[str, str]:
     """Schedules of light groups, of words like ceiling=08:00-18:00."""
-    out = {}
+    out: dict[str, str] = {}
     for word in given:
         group, sign, when = word.rpartition("=")
         if not (group and sign and when):
             raise InputError(f"--electric {word!r}: must be like ceiling=08:00-18:00")
+        if group in out:
+            raise InputError(
+                f"--electric: {group!r} is given twice, {out[group]} and {when}: give it one "
+                "schedule, from the first time to the last"
+            )
+        if when != ALWAYS:
+            with _of(f"--electric {word!r}", f", or {ALWAYS!r}"):
+                schedule_minutes(when)
         out[group] = when
     return out
+
+
+@contextmanager
+def _of(option: str, more: str = "") -> Iterator[None]:
+    """Put the name of an option before what is said of its value, and perhaps more after it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{option}: {error}{more}") from None
 
 
 def year_text(run: YearRun) -> str:

@@ -24,6 +24,11 @@ Block = dict[str, FloatArray]
 CHUNK = 64, 1024
 
 
+def range_name(rows: slice) -> str:
+    """Some sensors in the name of a file: first, and the one after the last."""
+    return f"{rows.start:07d}-{rows.stop:07d}"
+
+
 @dataclass(frozen=True, slots=True)
 class Piece:
     """Some sensors in some steps in one state.
@@ -42,8 +47,8 @@ class Piece:
 
     @property
     def name(self) -> str:
-        """Of its file."""
-        return f"{self.state:03d}-{self.sensors.start:07d}-{self.steps.start:07d}"
+        """Of its file; with both ends of the sensors, which may be parted otherwise next time."""
+        return f"{self.state:03d}-{range_name(self.sensors)}-{self.steps.start:07d}"
 
 
 class YearStore:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .metrics import RequirementResult, evaluate_requirements
     from .status import pdf_status, rendering_status
     from .writer import write_report, write_run
+    from .year_caveats import year_remarks
     from .year_files import write_year
     from .year_metrics import year_rows
 
@@ -27,6 +28,7 @@ __all__ = [
     "write_report",
     "write_run",
     "write_year",
+    "year_remarks",
     "year_rows",
 ]
 
@@ -39,6 +41,7 @@ _HOME = {
     "write_report": ".writer",
     "write_run": ".writer",
     "write_year": ".year_files",
+    "year_remarks": ".year_caveats",
     "year_rows": ".year_metrics",
 }
 

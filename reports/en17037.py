@@ -112,7 +112,6 @@ class YearProvision:
     def __init__(self, sky_lx: FloatArray, step_h: float) -> None:
         self._counted = daylight_hours(sky_lx, step_h)
         self._bounds = sorted({lux for pair in LEVELS.values() for lux in pair})
-        self._area = 0.0
         #: Area with as much light in each daylight hour, and share of them and area of each point.
         self._lit = np.zeros((len(self._bounds), int(self._counted.sum())))
         self._shares: list[FloatArray] = []

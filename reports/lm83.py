@@ -23,6 +23,8 @@ from .autonomy import compare
 
 #: sDA: illuminance, and share of the hours. ASE: direct illuminance, and hours. [1]
 SDA_LX, SDA_SHARE, ASE_LX, ASE_HOURS = 300.0, 0.5, 1000.0, 250.0
+#: Time of every day that these are of: 3650 hours of 365 days. [1]
+LM83_HOURS = "08:00-18:00"
 #: Share of the points in direct sun beyond which blinds are closed. [1]
 BLINDS_SHARE = 0.02
 
@@ -85,18 +87,29 @@ def group_rows(window_group: Sequence[str]) -> list[IntArray]:
 
 
 def exposed_points(
-    sun_illuminance: FloatArray, groups: list[IntArray], *, threshold_lx: float = ASE_LX
+    sun_illuminance: FloatArray,
+    window_group: Sequence[str],
+    *,
+    threshold_lx: float = ASE_LX,
 ) -> list[IntArray]:
     """Points (states, n) with too much sun through each window group, in each of its states. [1]
 
     The sun (k, m, n) comes through one group or another: what a group lets through is what there is
     more than in that state of it which lets through least. Blinds through which the sun shines are
-    counted for the other groups by that; of a single group all sun is its own.
+    counted for the other groups by that, and so is what windows without blinds do. Where no state
+    has a group, all sun is that of the one that the whole scene is.
+
+    Parameters
+    ----------
+    sun_illuminance : (k, m, n) array
+        Straight from the sun, in k states. [lx]
+    window_group : (k,) sequence of str
+        As of `group_rows`.
     """
-    out = []
-    for rows in groups:
+    out, named = [], any(window_group)
+    for rows in group_rows(window_group):
         through = sun_illuminance[rows]
-        if len(groups) > 1:
+        if named:
             through = through - through.min(axis=0)
         out.append(np.asarray((through > threshold_lx).sum(axis=1)))
     return out

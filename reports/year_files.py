@@ -13,6 +13,7 @@ from patchlight.solver.model.arrays import FloatArray
 from .autonomy import UDI_NAMES
 from .files import safe_names, write_text
 from .run_files import SCHEMA_VERSION, csv_text, library_versions, tool_version, write_json
+from .year_caveats import year_remarks
 from .year_metrics import Row, year_rows
 from .year_tables import grid_tables
 
@@ -32,6 +33,7 @@ def write_year(
     folder: Path,
     *,
     inputs: Iterable[Mapping[str, str]],
+    scene: Mapping[str, str] | None = None,
     config: str = "",
 ) -> list[Row]:
     """Write metrics.json, metrics.csv, grids/*.csv and run.json of a year; returns the metrics.
@@ -43,7 +45,10 @@ def write_year(
     folder : Path
         Output folder.
     inputs : mappings
-        ``path`` and ``sha256`` of the files that the year was made of.
+        ``path`` and ``sha256`` of the models and the weather: what another run into the folder must
+        have, too.
+    scene : mapping, optional
+        The same of the scene file.
     config : str
         The scene file with all defaults, for config.resolved.toml.
     """
@@ -68,6 +73,8 @@ def write_year(
         ]
         lines = [[f"{value:.9g}" for value in line] for line in zip(*columns, strict=True)]
         write_text(folder / "grids" / f"{stems[table.name]}.csv", csv_text(_POINTS, lines))
+    settings = dict(dataset.attrs)
+    webs = [line.partition(" ") for line in str(settings.pop("photometry", "")).splitlines()]
     record: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "kind": "year",
@@ -76,8 +83,10 @@ def write_year(
         "libraries": library_versions(),
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "inputs": [dict(one) for one in inputs],
-        "settings": dict(dataset.attrs),
-        "warnings": [text for text in str(dataset.attrs["remarks"]).splitlines() if text],
+        "scene": None if scene is None else dict(scene),
+        "photometry": [{"path": source, "sha256": sha256} for sha256, _, source in webs],
+        "settings": settings,
+        "warnings": year_remarks(dataset),
     }
     write_json(folder / "run.json", record)
     return rows

@@ -18,22 +18,31 @@ from .green_credits import (
     leed_points,
 )
 from .lm83 import spatial_autonomy, sunlight_exposure
-from .sunlight import is_in_season, sunlight_level
-from .year_tables import GridTable, grid_tables, is_whole_year, window_groups
+from .sunlight import sunlight_level
+from .year_tables import (
+    GridTable,
+    grid_tables,
+    has_lm83_hours,
+    is_whole_year,
+    sunlight_key,
+    window_groups,
+)
 
 if TYPE_CHECKING:
     import xarray
 
 Row = dict[str, Any]
 _Found = list[tuple[str, Any, str]]
-#: What stands for the grid in rows of all of them together.
-ALL_GRIDS = "all grids"
+#: What stands for the grid in rows of all that are level together.
+LEVEL_GRIDS = "level grids"
 
 
 def year_rows(dataset: xarray.Dataset, tables: list[GridTable] | None = None) -> list[Row]:
     """Metrics of all grids, one row each, with the columns of ``metrics.csv``.
 
-    Those by hours of a whole year are left out of shorter weather.
+    Those by hours of a whole year are left out of shorter weather, and those of LM-83 where the
+    building is not used in its hours: see `year_remarks`. Grids that are level and face up have
+    some together, as LEED adds rooms up, where there are several.
 
     Parameters
     ----------
@@ -44,14 +53,17 @@ def year_rows(dataset: xarray.Dataset, tables: list[GridTable] | None = None) ->
     """
     tables = grid_tables(dataset) if tables is None else tables
     whole = is_whole_year(dataset)
+    by_lm83 = whole and has_lm83_hours(dataset)
     rows: list[Row] = []
     for table in tables:
         found = [*_by_schedule(table, dataset), *_by_day(table, dataset)]
         if whole:
-            found += [*_by_lm83(table), *_by_year(table, dataset), *_by_equinox(table)]
+            found += _by_lm83(table) if by_lm83 else []
+            found += [*_by_year(table, dataset), *_by_equinox(table)]
         rows += [_row(table.name, *one) for one in found]
-    if whole and len(tables) > 1:
-        rows += [_row(ALL_GRIDS, *one) for one in _of_all(tables)]
+    level = [table for table in tables if table.is_level]
+    if by_lm83 and len(level) > 1:
+        rows += [_row(LEVEL_GRIDS, *one) for one in _together(level)]
     return rows
 
 
@@ -105,9 +117,8 @@ def _by_day(table: GridTable, dataset: xarray.Dataset) -> _Found:
         (f"{key}_mean_h", float(table.area @ hours / table.area.sum()), "h"),
         (f"{key}_most_h", most, "h"),
     ]
-    year = str(np.asarray(dataset["time"].values)[0].astype("datetime64[Y]"))
-    if is_in_season(np.array([f"{year}-{day}"], "datetime64[D]"))[0]:
-        found.append((f"EN17037_{key}_level", sunlight_level(most) or "none", ""))
+    if (level := sunlight_key(dataset)) is not None:
+        found.append((level, sunlight_level(most) or "none", ""))
     return found
 
 
@@ -168,8 +179,8 @@ def _by_equinox(table: GridTable) -> _Found:
     ]
 
 
-def _of_all(tables: list[GridTable]) -> _Found:
-    """LEED's first option, by the mean of all grids."""
+def _together(tables: list[GridTable]) -> _Found:
+    """LEED's first option, by the mean of some grids."""
     areas = np.array([table.area.sum() for table in tables])
     shares = np.array([spatial_autonomy(table.autonomy, table.area) for table in tables])
     sda = average_share(shares, areas)

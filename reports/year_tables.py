@@ -13,20 +13,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from patchlight.solver.errors import InputError
+from patchlight.solver.local_time import is_occupied
+from patchlight.solver.model import weather
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .autonomy import continuous_autonomy, daylight_autonomy, useful_illuminance
 from .en17037 import YearProvision
 from .green_credits import ClimateHours, equinox_steps
-from .lm83 import blinds_states, exposed_hours, exposed_points, group_rows, in_states
-from .sunlight import sunlight_hours
+from .lm83 import LM83_HOURS, blinds_states, exposed_hours, exposed_points, group_rows, in_states
+from .sunlight import is_in_season, sunlight_hours
 
 if TYPE_CHECKING:
     import xarray
 
 #: Sensors read at a time: those of a chunk of the file.
 BLOCK = 64
-_NEEDED = {"illuminance", "sun_illuminance", "grid", "area", "occupied"}
+_NEEDED = {"illuminance", "sun_illuminance", "grid", "area", "nz", "clock", "occupied"}
+#: Cosine of the tilt up to which a grid is level and faces up: half a degree.
+_LEVEL = np.cos(np.radians(0.5))
 
 
 @dataclass(slots=True, eq=False)
@@ -41,6 +45,8 @@ class GridTable:
         Its sensors in the dataset.
     area : (m,) array
         Of each point. [m²]
+    is_level : bool
+        Whether all points face up.
     states : (g, n) int array or None
         State of each window group in each step, by LM-83, where there are some.
     mean_lx, autonomy, continuous : (m,) array
@@ -65,6 +71,7 @@ class GridTable:
     name: str
     rows: IntArray
     area: FloatArray
+    is_level: bool
     states: IntArray | None
     provision: YearProvision
     climate: ClimateHours
@@ -105,9 +112,28 @@ def window_groups(dataset: xarray.Dataset) -> list[str]:
 
 
 def is_whole_year(dataset: xarray.Dataset) -> bool:
-    """Whether the steps make 365 or 366 days."""
-    minutes = dataset.sizes["time"] * int(dataset.attrs["step_minutes"])
-    return minutes in (365 * 1440, 366 * 1440)
+    """Whether the steps of a dataset make a year, as `Weather.whole_year` has it."""
+    return weather.is_whole_year(dataset.sizes["time"], int(dataset.attrs["step_minutes"]))
+
+
+def has_lm83_hours(dataset: xarray.Dataset) -> bool:
+    """Whether the building is used in the hours of LM-83, and in no others."""
+    clock = np.asarray(dataset["clock"].values).astype("datetime64[m]")
+    own = is_occupied(clock, LM83_HOURS, int(dataset.attrs["step_minutes"]))
+    return bool(np.array_equal(own, np.asarray(dataset["occupied"].values, dtype=bool)))
+
+
+def sunlight_key(dataset: xarray.Dataset) -> str | None:
+    """Quantity of the level of sunlight by EN 17037; None where it is not told.
+
+    That is where there are no hours of sun, or those of a day out of season.
+    """
+    if "sunlight_hours" not in dataset:
+        return None
+    day = str(dataset.attrs["sun_day"])
+    year = str(np.asarray(dataset["time"].values)[0].astype("datetime64[Y]"))
+    in_season = is_in_season(np.array([f"{year}-{day}"], "datetime64[D]"))[0]
+    return f"EN17037_sunlight_{day}_level" if in_season else None
 
 
 def _table(dataset: xarray.Dataset, name: str, rows: IntArray) -> GridTable:
@@ -125,6 +151,7 @@ def _table(dataset: xarray.Dataset, name: str, rows: IntArray) -> GridTable:
         name,
         rows,
         np.asarray(dataset["area"].values, dtype=np.float64)[rows],
+        bool((np.asarray(dataset["nz"].values)[rows] >= _LEVEL).all()),
         _states(dataset, rows),
         YearProvision(sky, step_h),
         ClimateHours(step_h),
@@ -179,11 +206,12 @@ def _states(dataset: xarray.Dataset, rows: IntArray) -> IntArray | None:
     """State of each window group in each step, by the sun at the points ``rows``; None of one."""
     if "state" not in dataset["illuminance"].dims:
         return None
-    groups = group_rows(window_groups(dataset))
+    names = window_groups(dataset)
+    groups = group_rows(names)
     exposed = [np.zeros((len(own), dataset.sizes["time"]), dtype=np.int64) for own in groups]
     for some in _blocks(rows):
         for total, found in zip(
-            exposed, exposed_points(_light(dataset, some)[1], groups), strict=True
+            exposed, exposed_points(_light(dataset, some)[1], names), strict=True
         ):
             total += found
     return blinds_states(exposed, len(rows), groups)

@@ -23,6 +23,7 @@ from .coefficients import Coefficients
 from .dome_grid import DomeGrid, dome_grid
 from .errors import InputError
 from .field import FieldSolver
+from .memory import available_bytes
 from .model.arrays import FloatArray, IntArray
 from .model.optics import LUMINANCE_WEIGHTS
 from .model.result import luminous
@@ -120,10 +121,11 @@ class DaylitScene:
     def __len__(self) -> int:
         return sum(len(grid) for grid in self.scene.sensors)
 
-    @property
-    def block(self) -> int:
-        """Sensors whose coefficients are found at a time."""
-        return block_of(len(self.solved.field.unknowns), self.solver.bands)
+    def block(self, reserve: int = 0) -> int:
+        """Sensors whose coefficients are found at a time, so much of free memory being left. [B]"""
+        free = available_bytes()
+        room = None if free is None else free - reserve
+        return block_of(len(self.solved.field.unknowns), self.solver.bands, room)
 
     def coefficients(
         self,
@@ -251,9 +253,13 @@ class DaylitScene:
         return np.concatenate([weights @ color for color in colors])
 
 
-def block_of(unknowns: int, bands: int) -> int:
-    """Sensors done at a time, where light is told by so many unknowns; a multiple of `SENSORS`."""
-    return SENSORS * max(1, BLOCK_BYTES // (SENSORS * bytes_of_sensor(unknowns, bands)))
+def block_of(unknowns: int, bands: int, room: int | None = None) -> int:
+    """Sensors done at a time, where light is told by so many unknowns; a multiple of `SENSORS`.
+
+    They take `BLOCK_BYTES`, or the ``room`` that there is where that is less. [B]
+    """
+    most = BLOCK_BYTES if room is None else min(BLOCK_BYTES, room)
+    return SENSORS * max(1, most // (SENSORS * bytes_of_sensor(unknowns, bands)))
 
 
 def bytes_of_sensor(unknowns: int, bands: int) -> int:

@@ -40,7 +40,8 @@ UNKNOWN_BYTES = 10_000
 #: Pairs below which nothing is asked: looking costs as much as some form factors.
 SMALL_MATRIX = 1_000_000
 GB = 1e9
-#: Limits that callers have set for the whole process, the one that holds last. [B]
+#: Limits that callers have set for the whole process by `limited`, one in another: the least holds.
+#: [B]
 _LIMITS: list[int] = []
 #: Limit, use and what of it only caches files, of a control group of each version.
 _GROUP_FILES = {
@@ -190,11 +191,18 @@ def available_bytes(root: Path = Path("/")) -> int | None:
     """Memory that can still be had [B]; None when the system does not tell.
 
     The least of what the machine has free, what the control groups of the process, if any, still
-    allow, and what a `limit` leaves; memory that only caches files counts as free.
+    allow, and what all limits by `limited` leave; memory that only caches files counts as free.
     """
     limits = [free for free in (_machine(root), *_groups(root)) if free is not None]
     limits += [most - used_bytes(root) for most in _LIMITS]
     return max(0, min(limits)) if limits else None
+
+
+def check_limit(memory_gb: float | None) -> None:
+    """Raise `InputError` for a limit of memory that is given and no positive number. [GB]"""
+    number = isinstance(memory_gb, (int, float)) and not isinstance(memory_gb, bool)
+    if memory_gb is not None and not (number and 0.0 < memory_gb < math.inf):
+        raise InputError(f"memory_gb = {memory_gb!r}: must be above 0 and finite")
 
 
 @contextmanager
@@ -209,12 +217,10 @@ def limited(memory_gb: float | None) -> Iterator[None]:
     InputError
         If it is no positive number.
     """
+    check_limit(memory_gb)
     if memory_gb is None:
         yield
         return
-    number = isinstance(memory_gb, (int, float)) and not isinstance(memory_gb, bool)
-    if not number or not 0.0 < memory_gb < math.inf:
-        raise InputError(f"memory_gb = {memory_gb!r}: must be above 0 and finite")
     _LIMITS.append(int(memory_gb * GB))
     try:
         yield

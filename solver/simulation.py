@@ -63,6 +63,7 @@ def solve(
     progress: Progress | None = None,
     threads: int | None = None,
     cache: bool = False,
+    beside: str = "",
 ) -> Result:
     """Solve a frozen scene.
 
@@ -92,6 +93,9 @@ def solve(
         Whether to take what earlier runs of this process found, as far as it holds for this scene,
         and to keep what this one finds; see `reuse`. Balanced and large meshes and the method of
         1993 keep nothing.
+    beside : str
+        What the run is for, where it is made beside those of the scene itself: what is kept of it
+        does not take the place of what is kept of theirs.
 
     Returns
     -------
@@ -133,7 +137,7 @@ def solve(
             # The second run is to find what the first one knows, and both to leave nothing.
             options = replace(options, cache=True, store=Store())
 
-        def run(one: SceneData, beside: str = "") -> Result:
+        def run(one: SceneData, beside: str = beside) -> Result:
             how = replace(options, beside=beside)
             return kind(one, accuracy, visibility, Stages(progress), how).run()
 

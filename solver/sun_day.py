@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +17,30 @@ from .sun_position import sun_positions
 
 #: Minutes between places of the sun.
 STEP_MIN = 5
+#: A year that has all days.
+LEAP_YEAR = 2000
+_DAY = re.compile(r"[0-9]{2}-[0-9]{2}")
+
+
+def check_day(day: str, year: int = LEAP_YEAR) -> datetime.date:
+    """The ``day`` of a year, which is given like 03-21; without the year any that some year has.
+
+    Raises
+    ------
+    InputError
+        For a day that there is not, and what is written in another way.
+    """
+    if isinstance(day, str) and _DAY.fullmatch(day):
+        with contextlib.suppress(ValueError):
+            return datetime.date(year, int(day[:2]), int(day[3:]))
+    there = "" if year == LEAP_YEAR else f" of {year}"
+    raise InputError(f"sun_day = {day!r}: must be month and day{there}, like 03-21")
+
+
+def check_above(above_deg: float) -> None:
+    """Raise `InputError` for an altitude from which on the sun counts beyond 0 … 90. [deg]"""
+    if not (np.isfinite(above_deg) and 0.0 <= above_deg < 90.0):
+        raise InputError(f"sun_above_deg = {above_deg}: must be at least 0 and below 90")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,15 +74,10 @@ class SunDay:
         InputError
             For a day that there is not, and altitudes beyond 0 … 90.
         """
-        if not (np.isfinite(above_deg) and 0.0 <= above_deg < 90.0):
-            raise InputError(f"sun_above_deg = {above_deg}: must lie from 0 to 90")
-        year = str(weather.starts[0].astype("datetime64[Y]"))
-        try:
-            first = np.datetime64(datetime.date.fromisoformat(f"{year}-{day}"), "s")
-        except (TypeError, ValueError):
-            raise InputError(f"sun_day = {day!r}: must be month and day, like 03-21") from None
+        check_above(above_deg)
+        first = np.datetime64(check_day(day, int(str(weather.starts[0].astype("datetime64[Y]")))))
         minutes = STEP_MIN * (np.arange(24 * 60 // STEP_MIN) + 0.5)
-        times = first + np.round(60.0 * minutes).astype("timedelta64[s]")
+        times = first.astype("datetime64[s]") + np.round(60.0 * minutes).astype("timedelta64[s]")
         offset = np.timedelta64(round(3600.0 * weather.utc_offset_h), "s")
         altitude, azimuth = sun_positions(weather.site, times - offset)
         up = altitude > above_deg

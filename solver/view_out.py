@@ -2,7 +2,8 @@
 
 From each point rays go to all sides, past the exact surfaces. The outside is seen where a ray
 leaves the scene or meets what stands outdoors. The horizontal sight angle is the measure of the
-azimuths in which that is so at any altitude; its ends are found by bisection.
+azimuths in which that is so at any altitude; its ends are found by bisection. Distances are from
+the eye; from the opening, as the standard has them, they are shorter by the way to it.
 
 References
 ----------
@@ -28,7 +29,7 @@ LEVELS = {"minimum": (14.0, 6.0, 1), "medium": (28.0, 20.0, 2), "high": (54.0, 5
 AREA = 0.75
 #: Degrees between rays in azimuth and altitude, and how often the interval at an end is halved.
 STEP_DEG, HALVINGS = 1.0, 10
-#: What is told of an azimuth: nothing outside is seen, or it is as far as a level asks, or less.
+#: Distances that levels ask for, from the least on: bounds of the classes of an azimuth. [m]
 _DISTANCES = np.array([distance for _, distance, _ in LEVELS.values()])
 #: Distance in which rays begin, against the size of the scene.
 _LIFT = 1e-9
@@ -45,10 +46,11 @@ class ViewOut:
     sight_angle_deg : (m,) array
         Horizontal sight angle, of all openings together. [deg]
     far_deg : (3, m) array
-        The part of it in which what is seen is as far as each of `LEVELS` asks. [deg]
+        The part of it in which what is seen is as far from the eye as each of `LEVELS` asks. [deg]
     distance_m : (m,) array
-        Median over the sight angle of the horizontal distance to what is seen next to the horizon;
-        infinite where nothing stands there, not a number where nothing is seen.
+        Median over the sight angle of the horizontal distance from the eye to what is seen next to
+        the horizon; infinite where nothing stands there or level ground goes on, not a number where
+        nothing is seen.
     sky, landscape, ground : (m,) bool array
         Which layers are seen.
     """
@@ -167,7 +169,8 @@ class Viewer:
             ]
         )
         away = hits.t.reshape(d.shape[:2]) * self._along
-        away[free | on_ground] = np.inf
+        # Ground below the horizon goes on behind; where it rises above, it stands there.
+        away[free | (on_ground & (self._up < 0.0))] = np.inf
         nearest = np.argmax(seen[:, self._order], axis=1)
         row = np.arange(len(away))
         distance = away[:, self._order][row, nearest]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass
 
 from . import memory
 from .budget import Budget, scene_bytes
-from .daylit import block_of, bytes_of_sensor, even_scene
+from .daylit import SENSORS, block_of, bytes_of_sensor, even_scene
 from .errors import OutOfMemoryError
 from .model.scene import SceneData
 from .store import STORE
@@ -23,10 +24,11 @@ class YearMemory:
     ----------
     mesh : int
         Form factors, the sensors' among them, and solving, where there is room for all of it.
-    least_mesh : int
-        The same with form factors packed, where they can be.
-    block : int
-        Sensors that are done at a time.
+    least_mesh, packed : int
+        The same where memory is scarce: what must be memory, and form factors that are packed, of
+        which what memory does not hold goes to a temporary file.
+    block, least_block : int
+        Sensors that are done at a time, as many as usual, and as few as can be.
     result : int
         Values of all sensors and steps, where they are not written to a file.
     elements, sensors : int
@@ -35,7 +37,9 @@ class YearMemory:
 
     mesh: int
     least_mesh: int
+    packed: int
     block: int
+    least_block: int
     result: int
     elements: int
     sensors: int
@@ -63,15 +67,21 @@ class YearMemory:
         sensors = sum(len(grid) for grid in even.sensors)
         bands = 1 if even.is_grey else 3
         rest = (memory.ROW_BYTES + more) * elements * sensors + memory.UNKNOWN_BYTES * unknowns
-        whole, packed = _whole_bytes(unknowns, elements, more), _packed_bytes(unknowns)
-        if more:  # nothing is packed
-            packed = whole
-        elif _is_always_packed(unknowns, elements):
-            whole = packed
+        whole = least = _whole_bytes(unknowns, elements, more)
+        packed, own = 0, memory.PACKED_BYTES * unknowns**2
+        always = _is_always_packed(unknowns, elements)
+        # What has panes is never packed.
+        if not more and (always or whole > memory.BLOCK_BYTES + own):
+            least, packed = memory.BLOCK_BYTES, own
+            if always:
+                whole = least + packed
+        each = bytes_of_sensor(unknowns, bands)
         return cls(
             mesh=whole + rest,
-            least_mesh=min(whole, packed) + rest,
-            block=min(sensors, block_of(unknowns, bands)) * bytes_of_sensor(unknowns, bands),
+            least_mesh=least + rest,
+            packed=packed,
+            block=min(sensors, block_of(unknowns, bands)) * each,
+            least_block=min(sensors, SENSORS) * each,
             result=VALUES * VALUE_BYTES * states * sensors * steps if in_memory else 0,
             elements=elements,
             sensors=sensors,
@@ -84,8 +94,8 @@ class YearMemory:
 
     @property
     def least(self) -> int:
-        """What it cannot do with less than."""
-        return self.least_mesh + self.block + self.result
+        """What it cannot do with less than, what may be in a temporary file apart."""
+        return self.least_mesh + self.least_block + self.result
 
     @property
     def most(self) -> int:
@@ -99,23 +109,33 @@ class YearMemory:
         What is kept for later runs gives way.
         """
         free = memory.available_bytes()
-        if free is not None and self.least > free and len(STORE):
+        if not self._fits(free) and len(STORE):
             STORE.clear()
             free = memory.available_bytes()
-        if free is None or self.least <= free:
+        if free is None or self._fits(free):
             return
         advice = []
-        if self.result and self.least - self.result <= free:
+        if self.result and self._fits(free + self.result):
             advice.append("write the year to a file (out = …)")
         else:
             advice += ["ask for less accuracy", "use fewer sensors"]
         raise OutOfMemoryError(
             f"a year of {self.sensors} sensors on {self.elements} elements needs "
             f"{self.least / memory.GB:.1f} GB of memory: {self.least_mesh / memory.GB:.1f} GB for "
-            f"form factors, {self.block / memory.GB:.1f} GB for sensors that are done at a time, "
-            f"{self.result / memory.GB:.1f} GB for the values of all steps; but only "
-            f"{free / memory.GB:.1f} GB are free; {', or '.join(advice)}"
+            f"form factors, {self.least_block / memory.GB:.1f} GB for sensors that are done at a "
+            f"time, {self.result / memory.GB:.1f} GB for the values of all steps; and "
+            f"{self.packed / memory.GB:.1f} GB of memory or temporary files for packed form "
+            f"factors; but only {free / memory.GB:.1f} GB are free, and "
+            f"{memory.free_on_disk() / memory.GB:.1f} GB for temporary files in "
+            f"{tempfile.gettempdir()}; {', or '.join(advice)}"
         )
+
+    def _fits(self, free: int | None) -> bool:
+        """Whether so much memory does, with what there is for temporary files. [B]"""
+        if free is None:
+            return True
+        rest = free - self.least
+        return rest >= 0 and (self.packed <= rest or self.packed <= rest + memory.free_on_disk())
 
 
 def _whole_bytes(unknowns: int, elements: int, more: int) -> int:
@@ -124,11 +144,6 @@ def _whole_bytes(unknowns: int, elements: int, more: int) -> int:
         pairs = (memory.PAIR_BYTES + more) * unknowns * elements
         return pairs + memory.KEPT_BYTES * unknowns**2
     return (memory.PAIR_BYTES + more) * elements**2
-
-
-def _packed_bytes(unknowns: int) -> int:
-    """What they take packed. [B]"""
-    return memory.BLOCK_BYTES + memory.PACKED_BYTES * unknowns**2
 
 
 def _is_always_packed(unknowns: int, elements: int) -> bool:

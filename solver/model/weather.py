@@ -11,6 +11,11 @@ from .arrays import FloatArray
 from .sky import Site
 
 
+def is_whole_year(steps: int, step_minutes: int) -> bool:
+    """Whether so many steps make 365 or 366 days."""
+    return steps * step_minutes in (365 * 1440, 366 * 1440)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Weather:
     """Radiation of n steps of equal length that follow one another; read-only arrays.
@@ -69,7 +74,7 @@ class Weather:
     @property
     def whole_year(self) -> bool:
         """Whether the steps make 365 or 366 days."""
-        return len(self) * self.step_minutes in (365 * 1440, 366 * 1440)
+        return is_whole_year(len(self), self.step_minutes)
 
     def __repr__(self) -> str:
         first, last = self.starts[0], self.starts[-1]

@@ -92,6 +92,20 @@ def test_layers():
     assert found.level == "medium"
 
 
+def test_ground_that_rises_is_as_far_as_it_stands():
+    """A slope that is ground hides the horizon: it stands there, unlike ground that goes on."""
+    scene = room((0.0, 1.0, 1.5))
+    slope = quad((-300, -5, 0), (300, -5, 0), (300, -15, 10), (-300, -15, 10))  # y = -5 - z
+    scene.add(slope, "slope", two_sided=True)
+    found = seen(scene, ground="slope")
+    # Straight on at the height of the eye 1 + 5 + 1.5 m away, farther aside; 45 degrees to each.
+    assert 7.5 <= found.distance_m[0] < 7.5 * math.sqrt(2.0)
+    near = 2.0 * math.degrees(math.acos(7.5 / 20.0))
+    assert near > 90.0 and found.far_deg[1, 0] == 0.0
+    assert found.far_deg[0, 0] == pytest.approx(90.0, abs=END_DEG)
+    assert (found.sky[0], found.landscape[0], found.ground[0]) == (False, False, True)
+
+
 def test_panes_and_what_scatters():
     scene = room((0.0, 1.0, 1.5))
     scene.add(opening(), "pane", two_sided=True)
@@ -99,6 +113,20 @@ def test_panes_and_what_scatters():
     assert seen(scene).sight_angle_deg[0] == pytest.approx(90.0, abs=END_DEG)
     scene.assign("pane", Glass(0.006, diffuse=0.3))
     assert seen(scene).sight_angle_deg[0] == 0.0
+
+
+def test_blinds_that_are_up_hide_nothing():
+    """The first state counts where none is named, as in a year."""
+    scene = room((0.0, 1.0, 1.5))
+    wide = quad((-3, -0.05, -1), (3, -0.05, -1), (3, -0.05, 4), (-3, -0.05, 4))
+    scene.add(wide, "blind", two_sided=True)
+    assert seen(scene).sight_angle_deg[0] == 0.0
+    scene.add_state("up", absent="blind")
+    scene.add_state("down", present="blind")
+    assert seen(scene).sight_angle_deg[0] == pytest.approx(90.0, abs=END_DEG)
+    assert seen(scene, state="down").sight_angle_deg[0] == 0.0
+    with pytest.raises(InputError, match="'half': there is none of the name; states: up, down"):
+        seen(scene, state="half")
 
 
 def test_area_that_reaches_a_level():

@@ -18,7 +18,9 @@ from patchlight.pipeline import (
     year_store,
 )
 from patchlight.pipeline.cli import main
+from patchlight.pipeline.output import file_hash
 from patchlight.pipeline.states import absent_parts, make_state
+from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutputError
 
 from ..importers.weather_files import epw_text
@@ -143,6 +145,26 @@ def test_written_in_blocks_and_taken_up_again(tmp_path, weather_file, whole, mon
         assert found["grid"].values.tolist() == ["desk", "desk", "view"]
         assert found["occupied"].dtype == bool
     assert [p.name for p in tmp_path.iterdir()] == ["annual.nc"]
+
+
+def test_taken_up_again_with_other_blocks_of_sensors(tmp_path, weather_file, whole, monkeypatch):
+    """As many as memory had room for: another time their ends are others."""
+    monkeypatch.setattr(daylit, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(daylit, "SENSORS", 2)
+    target = tmp_path / "annual.nc"
+
+    def cut(stage, done, total):
+        if stage == "year" and done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate_year(room(), weather_file, accuracy=0.2, out=target, progress=cut)
+    assert list((tmp_path / ".annual.nc.blocks").glob("*.npz"))
+    monkeypatch.setattr(daylit, "SENSORS", 1)
+    with simulate_year(room(), weather_file, accuracy=0.2, out=target) as found:
+        values, own = found["illuminance"].values, whole["illuminance"].values
+        # But for surfaces that hardly matter, which blocks leave out: `beams.LEFT_OUT`.
+        np.testing.assert_allclose(values, own, rtol=2e-3, atol=2e-3 * own.max())
 
 
 def test_blocks_of_another_run_are_not_taken(tmp_path, weather_file, monkeypatch):
@@ -320,6 +342,8 @@ def test_command(step_room, capsys):
     assert {item["path"].rsplit("/", 1)[-1] for item in record["inputs"]} == {
         "room.step", "two_days.epw",
     }  # fmt: skip
+    assert record["scene"] == {"path": str(scene.resolve()), "sha256": file_hash(scene)}
+    assert record["photometry"] == []
     assert main([*command, "--json"]) == 0  # once more into the same folder
     rows = json.loads(capsys.readouterr().out)
     assert {row["sensor_id"] for row in rows} == {"desk"}
@@ -334,6 +358,37 @@ def test_command(step_room, capsys):
         (["scene.toml", "--weather", "w.epw", "--schedule", "8-6"], "like 08:00-18:00"),
         (["basis.toml", "--weather", "two_days.epw"], "basis = 'constant'"),
         (["scene.toml", "--weather", "w.epw", "--electric", "ceiling"], "like ceiling=08:00-18:00"),
+        (
+            [
+                "scene.toml",
+                "--weather",
+                "w.epw",
+                "--electric",
+                "a=always",
+                "--electric",
+                "a=1:00-2:00",
+            ],
+            "--electric: 'a' is given twice, always and 1:00-2:00",
+        ),
+        (
+            ["scene.toml", "--weather", "w.epw", "--electric", "a=8-6"],
+            "--electric 'a=8-6': schedule = '8-6': must be two times of a day, like 08:00-18:00, "
+            "the second later, or 'always'",
+        ),
+        (["scene.toml", "--weather", "w.epw", "--sun-day", "3-21"], "--sun-day: sun_day = '3-21'"),
+        (
+            ["scene.toml", "--weather", "w.epw", "--sun-day", "W12-3"],
+            "--sun-day: sun_day = 'W12-3'",
+        ),
+        (
+            ["scene.toml", "--weather", "two_days.epw", "--sun-day", "02-29"],
+            "--sun-day: sun_day = '02-29': must be month and day of 2001",
+        ),
+        (
+            ["scene.toml", "--weather", "w.epw", "--sun-above", "90"],
+            "--sun-above: sun_above_deg = 90.0: must be at least 0 and below 90",
+        ),
+        (["scene.toml", "--weather", "w.epw", "--memory", "0"], "--memory: memory_gb = 0.0"),
         (["scene.toml"], "--weather"),
     ],
 )

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
-from patchlight.pipeline import Emitter, Ground, Material, SensorGrid, simulate, simulate_year
+from patchlight.pipeline import (
+    CIESky,
+    Emitter,
+    Ground,
+    Material,
+    SensorGrid,
+    simulate,
+    simulate_year,
+)
+from patchlight.pipeline.output import file_hash
 from patchlight.pipeline.states import make_state, settings_of
+from patchlight.pipeline.year_key import of_scene
 from patchlight.pipeline.year_parts import electric_schedules
+from patchlight.pipeline.year_store import key_of
+from patchlight.reports import write_year
 from patchlight.reports.lm83 import in_states
 from patchlight.solver import daylit
 from patchlight.solver.errors import InputError, OutOfMemoryError
@@ -17,6 +30,7 @@ from patchlight.solver.store import STORE
 from patchlight.solver.year_memory import YearMemory
 
 from ..importers.weather_files import epw_text
+from .test_webs import ldt
 from .window_room import level, quad, window_room
 
 POINTS = [(x, y, 0.8) for x in (-1.0, 0.0, 1.0) for y in (0.6, 1.6, 2.6)]
@@ -109,6 +123,30 @@ def test_what_is_kept_for_later_runs_gives_way(monkeypatch):
     STORE.clear()
 
 
+def test_packed_form_factors_may_be_in_a_file(monkeypatch):
+    """What must be memory is less; with less room for both, that is refused."""
+    gb = 10**9
+    year = YearMemory(
+        mesh=20 * gb, least_mesh=gb, packed=8 * gb, block=gb, least_block=gb // 10, result=0,
+        elements=60_000, sensors=1000,
+    )  # fmt: skip
+    disk = [10 * gb]
+    monkeypatch.setattr("patchlight.solver.memory.available_bytes", lambda: 2 * gb)
+    monkeypatch.setattr("patchlight.solver.memory.free_on_disk", lambda: disk[0])
+    year.check()
+    assert year.least == 1.1 * gb and year.most == 2 * gb
+    disk[0] = 7 * gb
+    with pytest.raises(OutOfMemoryError, match=r"needs 1\.1 GB .* and 8\.0 GB of memory or temp"):
+        year.check()
+    # As many sensors at a time as there is room for, and never fewer than are told of.
+    usual = daylit.block_of(10_000, 1)
+    each = daylit.bytes_of_sensor(10_000, 1)
+    assert usual > 2 * daylit.SENSORS
+    assert daylit.block_of(10_000, 1, 50 * gb) == usual
+    assert daylit.block_of(10_000, 1, 2 * daylit.SENSORS * each) == 2 * daylit.SENSORS
+    assert daylit.block_of(10_000, 1, 0) == daylit.block_of(10_000, 1, -gb) == daylit.SENSORS
+
+
 def test_memory_grows_with_what_is_kept():
     """Values of all steps count where no file takes them, and a state has as many again."""
     data = room().freeze()
@@ -161,6 +199,63 @@ def test_electric_light_beside_daylight(weather_file, whole):
     light, plain = (year["illuminance"].values.sum() for year in (found, whole))
     assert light == pytest.approx(plain, rel=0.03)
     assert "electric_on" not in simulate_year(lamp_room(), weather_file, accuracy=0.3)
+
+
+def test_electric_light_leaves_what_is_kept_of_the_scene_itself(weather_file):
+    """A simulation of it, which a change of its lamps is to follow, stays known as it was."""
+    scene = lamp_room()
+    scene.sky = CIESky(5, zenith_luminance_cd_m2=2000.0)
+    STORE.clear()
+    simulate(scene, accuracy=0.2)
+    before = {key: value for key, (value, _) in STORE._values.items()}
+    assert before
+    simulate_year(scene, weather_file, accuracy=0.2, electric={"ceiling": "always"})
+    for key, value in before.items():
+        found = STORE.get(key)
+        assert found is value or np.array_equal(found, value)  # the same surfaces, kept again
+    STORE.clear()
+
+
+def test_lamps_with_profiles_by_functions(weather_file):
+    """They light the room, and a run that was cut is known again by what they return."""
+
+    def keys(*functions):
+        out = []
+        for function in functions:
+            scene = lamp_room()
+            scene.assign("lamp", Emitter(flux_lm=3000.0, group="ceiling", profile=function))
+            out.append(key_of(of_scene(scene.freeze(), True)))
+        return out
+
+    plain, same, other = keys(
+        lambda points: 1.0 + points[:, 0] ** 2,
+        lambda points: 1.0 + points[:, 0] * points[:, 0],
+        lambda points: 1.0 + points[:, 1] ** 2,
+    )
+    assert plain == same != other
+    scene = lamp_room()
+    scene.assign("lamp", Emitter(flux_lm=3000.0, group="ceiling", profile=lambda points: 1.0))
+    lux = simulate_year(scene, weather_file, accuracy=0.3, electric={"ceiling": "always"})
+    even = simulate_year(lamp_room(), weather_file, accuracy=0.3, electric={"ceiling": "always"})
+    name = "electric_illuminance"
+    np.testing.assert_allclose(lux[name].values, even[name].values, rtol=1e-6)
+
+
+def test_photometric_files_of_lamps_that_burn_are_told(weather_file, tmp_path):
+    scene = room()
+    for k, group in enumerate(("flood", "spot")):
+        path = tmp_path / f"{group}.ldt"
+        path.write_text(ldt(flux=1000.0 * (k + 1)))
+        scene.add(level(0.1, 2.7 + 0.1 * k, up=False), group)
+        scene.assign(group, Emitter(photometry=path, group=group))
+    for electric, expected in (({"spot": "always"}, [path]), (None, [])):
+        year = simulate_year(scene, weather_file, accuracy=0.3, electric=electric)
+        write_year(year, tmp_path, inputs=[])
+        record = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
+        assert record["photometry"] == [
+            {"path": str(one), "sha256": file_hash(one)} for one in expected
+        ]
+        assert "photometry" not in record["settings"]
 
 
 def test_schedules_of_lamps():

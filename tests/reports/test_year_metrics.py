@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from patchlight.reports import year_rows
+from patchlight.reports import year_remarks, year_rows
 from patchlight.reports.autonomy import (
     continuous_autonomy,
     daylight_autonomy,
@@ -100,8 +100,9 @@ def test_sunlight_exposure_and_its_operators():
 
 def chosen(sun, window_group=None):
     """Rows of states in each step, of sun (k, m, n), the points looked at in two parts."""
-    groups = group_rows(window_group or [""] * len(sun))
-    parts = [exposed_points(sun[:, some], groups) for some in (slice(0, 40), slice(40, None))]
+    names = window_group or [""] * len(sun)
+    groups = group_rows(names)
+    parts = [exposed_points(sun[:, some], names) for some in (slice(0, 40), slice(40, None))]
     counts = [a + b for a, b in zip(*parts, strict=True)]
     return blinds_states(counts, sun.shape[1], groups)
 
@@ -140,6 +141,16 @@ def test_sun_that_blinds_let_through_closes_no_other_group():
     sun = np.stack([2.0 * each, each, each])
     assert chosen(sun, ["", "south", "west"]).tolist() == [[0], [0]]
     assert chosen(sun[:2]).tolist() == [[1]]
+
+
+def test_sun_through_a_window_without_blinds_closes_no_others():
+    """A group of one state has no row of its own: its sun is there in every state."""
+    other = np.full((100, 1), 3000.0)
+    own = np.concatenate([np.zeros((98, 1)), np.full((2, 1), 5000.0)])
+    sun = np.stack([own + other, other])
+    assert chosen(sun, ["", "south"]).tolist() == [[0]]
+    own[:3] = 2000.0
+    assert chosen(np.stack([own + other, other]), ["", "south"]).tolist() == [[1]]
 
 
 def test_daylight_hours_are_half_a_year():
@@ -306,6 +317,7 @@ def dataset(states=()):
             "occupied": ("time", (hour >= 8) & (hour < 18)),
             "grid": ("sensor", np.array(["near", "near", "far"], dtype=object)),
             "area": ("sensor", [1.0, 3.0, 1.0]),
+            "nz": ("sensor", [1.0, 1.0, 1.0]),
             **({"state": list(states)} if states else {}),
         },
         attrs={"step_minutes": 60},
@@ -325,10 +337,37 @@ def test_rows_of_grids():
     assert found["near.LEED_option_1_sun_to_be_explained"] == "yes"
     assert found["far.LEED_option_1_sun_to_be_explained"] == "no"
     # By area 4 of 5 m² are lit.
-    assert found["all grids.sDA300_50_pct"] == 80.0
-    assert found["all grids.LEED_option_1_points"] == 3
+    assert found["level grids.sDA300_50_pct"] == 80.0
+    assert found["level grids.LEED_option_1_points"] == 3
     assert found["far.DA300_mean_pct"] == 0.0
     assert found["far.UDI_supplementary_mean_pct"] == 100.0
+
+
+def test_only_level_grids_are_added_up():
+    """A vertical grid, such as one of eyes or a facade, is no floor that LEED counts."""
+    year = dataset()
+    year["nz"][2] = 0.0
+    assert not any(row["sensor_id"] == "level grids" for row in year_rows(year))
+    year["grid"] = "sensor", np.array(["near", "far", "facade"], dtype=object)
+    found = {row["id"]: row["value"] for row in year_rows(year)}
+    assert found["level grids.sDA300_50_pct"] == 100.0  # the facade has none
+    assert found["facade.sDA300_50_pct"] == 0.0
+
+
+def test_rows_of_lm83_are_of_its_hours():
+    """Of others they are left out, and that is said; nothing else is."""
+    year = dataset()
+    assert year_remarks(year) == []
+    year.attrs["schedule"] = "09:00-17:00"
+    hour = np.arange(8760) % 24
+    year["occupied"] = "time", (hour >= 9) & (hour < 17)
+    lm83 = ("sDA", "ASE", "LEED_option_1")
+    told = {row["quantity"] for row in year_rows(dataset())}
+    found = {row["quantity"] for row in year_rows(year)}
+    assert told - found == {name for name in told if name.startswith(lm83)} and found < told
+    (text,) = year_remarks(year)
+    assert text.startswith("schedule = 09:00-17:00: sDA, ASE and option 1 of LEED are left out")
+    assert year_remarks(year.isel(time=slice(0, 240))) == []  # there are none anyway
 
 
 def test_rows_with_blinds():
@@ -366,6 +405,9 @@ def test_rows_of_window_groups():
     assert found["near.blinds_not_in_first_state_pct"] == pytest.approx(20.0)
     assert found["near.E_mean_lx"] == pytest.approx(100.0)  # no sun ever gets in
     assert found["near.ASE1000_250h_pct"] == 100.0  # but with blinds open
+    (text,) = year_remarks(year)
+    assert "2 window groups (south, east) is summed" in text
+    assert year_remarks(year.isel(state=[0, 1])) == []
 
 
 def test_rows_do_not_depend_on_how_many_sensors_are_read_at_a_time(monkeypatch):
@@ -398,7 +440,12 @@ def test_rows_of_what_is_told_besides():
     assert found["near.E_mean_with_electric_lx"] == pytest.approx(500.0)
     assert found["far.E_mean_with_electric_lx"] == pytest.approx(250.0)
     assert found["near.electric_ceiling_h"] == 5 * 365
-    year.attrs["sun_day"] = "06-21"
+    (text,) = year_remarks(year)
+    assert text.startswith("EN17037_sunlight_03-21_level: sun_above_deg = 0 counts")
+    year.attrs["sun_above_deg"] = 8.0
+    assert year_remarks(year) == []
+    year.attrs.update(sun_day="06-21", sun_above_deg=0.0)
+    assert year_remarks(year) == []
     assert not any("EN17037_sunlight" in row["id"] for row in year_rows(year))
 
 
