@@ -35,7 +35,7 @@ from .problems import Problems
 from .profiles import with_profile
 from .slots import Slots, filled_slots
 from .states import absent_parts, without_parts
-from .webs import Webs, web_notes
+from .webs import Webs, web_doubts
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -65,7 +65,7 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
         problems.raise_any()
         raise InputError("the scene cannot be used")  # there always is a problem; for type checkers
     data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data, problems))
-    lamp_notes = web_notes(data, slots, problems)
+    doubts_of_lamps = web_doubts(data, slots, problems)
     from .grids import resolved_sensors
     from .remarks import model_warnings, scene_notes
 
@@ -81,8 +81,8 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
     problems.raise_any()
     return dataclasses.replace(
         data,
-        notes=(*scene.notes, *data.notes, *lamp_notes, *grid_notes, *scene_notes(scene, data)),
-        warnings=tuple(model_warnings(scene)),
+        notes=(*scene.notes, *data.notes, *grid_notes, *scene_notes(scene, data)),
+        warnings=(*model_warnings(scene), *doubts_of_lamps),
     )
 
 

@@ -64,6 +64,8 @@ class SensorGrid:
         self, points: ArrayLike, normals: ArrayLike, *, name: str, quantity: str = "planar"
     ) -> None:
         given = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        if not given.size:
+            raise InputError(f"sensor grid {name!r}: has no points, at least 1 is needed")
         self._set(name, Sensors(name, given, np.asarray(normals, float), quantity=quantity))
 
     def _set(self, name: str, rule: Sensors | PlaneRule | FaceRule) -> None:

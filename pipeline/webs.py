@@ -68,7 +68,7 @@ def _own_axes(placement: FloatArray) -> FloatArray:
     return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
-def web_notes(data: SceneData, slots: Slots, problems: Problems) -> list[str]:
+def web_doubts(data: SceneData, slots: Slots, problems: Problems) -> list[str]:
     """What a user should know of lamps with webs; those that cannot be are added to ``problems``.
 
     Equal lamps are told of once.

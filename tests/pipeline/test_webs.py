@@ -90,7 +90,7 @@ def test_light_that_no_face_can_give():
     with pytest.raises(InputError, match=r"emitter of lamp: 30 % of the light of a.ies goes where"):
         panel_scene(Emitter(photometry=web(0.3, "x/a.ies"))).freeze()
     data = panel_scene(Emitter(photometry=web(0.05, "x/a.ies"))).freeze()
-    assert any("5 % of its light goes where the emitting faces" in note for note in data.notes)
+    assert any("5 % of its light goes where the emitting faces" in note for note in data.warnings)
     assert data.luminaires[0].flux_lm == pytest.approx(web(0.05).flux_lm)
     with pytest.raises(InputError, match="100 % of the light of its photometric web"):
         panel_scene(Emitter(photometry=web(), aim=(0, 0, 1))).freeze()
@@ -99,7 +99,7 @@ def test_light_that_no_face_can_give():
 def test_remarks_of_the_file_are_told_once():
     said = dataclasses.replace(web(), remarks=("odd",), source="a.ies")
     scene = panel_scene(Emitter(photometry=said))
-    assert "photometry a.ies: odd (lamp)" in scene.freeze().notes
+    assert "photometry a.ies: odd (lamp)" in scene.freeze().warnings
 
 
 @pytest.mark.parametrize(
