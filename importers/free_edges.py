@@ -16,7 +16,7 @@ from .triangulate import overlapping
 INNER = np.linspace(0.0, 1.0, 33)
 #: Places within a stretch of an edge at which it must lie on another one.
 WITHIN = np.array([0.25, 0.5, 0.75])
-#: Share of an edge that is no stretch of its own.
+#: Share of an edge that is no stretch of its own, however small the tolerance.
 CLOSE = 1e-6
 #: Points that are compared with edges at a time: the temporary arrays stay small.
 BLOCK = 2000
@@ -54,7 +54,10 @@ def lone_edges(edges: Sequence[Edge], tolerance: float) -> Lone:
     lines = _Lines(edges)
     first, second = lines.near(tolerance)
     cuts = _ends_on(lines, first, second, tolerance)
-    inner = [_cuts(c) for c in cuts]
+    # Ends of edges that meet to the tolerance alone divide nothing, and neither do those of several
+    # edges that end in one place.
+    least = np.maximum(CLOSE, tolerance / np.maximum(lines.length, 1e-300))
+    inner = [_cuts(c, s) for c, s in zip(cuts, least.tolist(), strict=True)]
     edge = np.repeat(np.arange(n), [len(c) - 1 for c in inner])
     start, end = np.concatenate([c[:-1] for c in inner]), np.concatenate([c[1:] for c in inner])
     at = start[:, None] + (end - start)[:, None] * WITHIN
@@ -91,11 +94,11 @@ def length(edge: Edge, a: float, b: float) -> float:
     return float(steps @ speed @ w)
 
 
-def _cuts(shares: list[float]) -> FloatArray:
-    """0, the shares in order, and 1, those left out that are as good as one."""
+def _cuts(shares: list[float], least: float) -> FloatArray:
+    """0, the shares in order, and 1, those left out that are as good as one: ``least`` apart."""
     out = [0.0]
     for share in sorted(shares):
-        if share - out[-1] > CLOSE and 1.0 - share > CLOSE:
+        if share - out[-1] > least and 1.0 - share > least:
             out.append(share)
     return np.array([*out, 1.0])
 
@@ -112,6 +115,7 @@ class _Lines:
         bend = np.linalg.norm(np.diff(self.chords, axis=1), axis=2)
         bend = np.maximum(np.pad(bend, ((0, 0), (1, 0))), np.pad(bend, ((0, 0), (0, 1))))
         self.sagitta = bend / 8.0
+        self.length = np.linalg.norm(self.chords, axis=2).sum(axis=1)
 
     def points_at(self, which: IntArray, shares: FloatArray) -> FloatArray:
         """Points (m, k, 3) of the edges ``which`` (m,) at ``shares`` (m, k)."""

@@ -77,3 +77,13 @@ def test_faces_that_were_never_sewn_together_close_up():
     assert not any("free edges" in w for w in model.warnings)
     moved = [*apart[:5], apart[5].translate(cq.Vector(0.01, 0.0, 0.0))]
     assert sum(free(solid_of(moved))[1]) > 0.0
+
+
+def test_a_lid_that_is_off_by_less_than_the_tolerance_closes_the_box():
+    # Tolerance 1e-4 of the size, 3.7e-4 m: the lid is off by more than 1e-6 of an edge.
+    apart = [cq.Face(f.copy().wrapped) for f in BOX.faces().vals()]
+    top = max(range(6), key=lambda k: apart[k].Center().z)
+    apart[top] = apart[top].translate(cq.Vector(1e-4, 0.0, 0.0))
+    model, found = free(solid_of(apart))
+    assert found == [0.0] * 6
+    assert model.certificate.edges == {"sharp": 24}
