@@ -26,7 +26,7 @@ UNKNOWN, SMOOTH, SHARP, FREE, NON_MANIFOLD, DEGENERATE = range(len(EDGE_KINDS))
 PLACES = np.linspace(0.02, 0.98, 9)
 #: A normal shorter than this share of the longest one along an edge has no direction.
 NO_NORMAL = 1e-8
-ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, IndexError, ValueError)
+ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError)
 
 
 @dataclass(slots=True)
