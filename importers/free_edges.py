@@ -32,11 +32,12 @@ STEPS = 3
 
 @dataclass(slots=True)
 class Lone:
-    """Edges (n,) that one face alone uses, and where they lie on each other.
+    """Edges (n,) that one face alone uses, and where they lie on each other and on shared ones.
 
     ``free`` (n,) is the length of each one on which no other lies [file units], ``others`` (n,) the
-    largest number of others that lie on a stretch of it. A stretch of ``edge`` (m,) lies on
-    ``other`` (m,), at the shares ``at`` (m, 3) of the one and ``on`` (m, 3) of the other.
+    largest number of others that lie on a stretch of it, shared ones counted twice. A stretch of
+    ``edge`` (m,) lies on ``other`` (m,), at the shares ``at`` (m, 3) of the one and ``on`` (m, 3)
+    of the other. Rows of ``other`` from n on are shared edges.
     """
 
     free: FloatArray
@@ -47,23 +48,25 @@ class Lone:
     on: FloatArray = field(default_factory=lambda: np.zeros((0, len(WITHIN))))
 
 
-def lone_edges(edges: Sequence[Edge], tolerance: float) -> Lone:
-    """Which stretches of some edges lie on others of them, within ``tolerance`` [file units].
+def lone_edges(edges: Sequence[Edge], shared: Sequence[Edge], tolerance: float) -> Lone:
+    """Which stretches of some edges lie on others of them, or on edges that two faces share.
 
     Faces that were never sewn together close up all the same, also where one edge meets several
-    shorter ones: each is divided where others end on it.
+    shorter ones: each is divided where others end on it. Edges lie on each other within
+    ``tolerance`` [file units].
     """
     n = len(edges)
     found = Lone(np.zeros(n), np.zeros(n, dtype=np.int64))
     if not n:
         return found
-    lines = _Lines(edges, tolerance)
+    lines = _Lines([*edges, *shared], tolerance)
     first, second = lines.near()
-    cuts = _ends_on(lines, first, second)
+    first, second = first[first < n], second[first < n]
+    cuts = _ends_on(lines, first, second)[:n]
     # Ends of edges that meet to the tolerance alone divide nothing, and neither do those of several
     # edges that end in one place.
     least = np.maximum(CLOSE, tolerance / np.maximum(lines.length, 1e-300))
-    inner = [_cuts(c, s) for c, s in zip(cuts, least.tolist(), strict=True)]
+    inner = [_cuts(c, s) for c, s in zip(cuts, least[:n].tolist(), strict=True)]
     edge = np.repeat(np.arange(n), [len(c) - 1 for c in inner])
     start, end = np.concatenate([c[:-1] for c in inner]), np.concatenate([c[1:] for c in inner])
     at = start[:, None] + (end - start)[:, None] * WITHIN
@@ -80,7 +83,7 @@ def lone_edges(edges: Sequence[Edge], tolerance: float) -> Lone:
     met = met[lines.advance(points[stretch[met]], other[met], on[met])]
     stretch, found.other, found.on = stretch[met], other[met], on[met]
     found.edge, found.at = edge[stretch], at[stretch]
-    times = np.bincount(stretch, minlength=len(edge))
+    times = np.bincount(np.append(stretch, stretch[found.other >= n]), minlength=len(edge))
     np.maximum.at(found.others, edge, times)
     for k in np.flatnonzero(times == 0).tolist():
         found.free[edge[k]] += length(edges[edge[k]], float(start[k]), float(end[k]))
