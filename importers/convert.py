@@ -64,7 +64,7 @@ class FacePatches:
 #: What a face asks for until it is done: lifted cells, or areas of nets.
 Run = Generator[Any, Any, FacePatches]
 #: Errors of one face that leave the others alone.
-ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, IndexError, ValueError)
+ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError)
 #: Faces converted together: enough that the cost of a call to NumPy is shared.
 TOGETHER = 200
 

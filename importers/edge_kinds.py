@@ -26,7 +26,7 @@ UNKNOWN, SMOOTH, SHARP, FREE, NON_MANIFOLD, DEGENERATE = range(len(EDGE_KINDS))
 PLACES = np.linspace(0.02, 0.98, 9)
 #: A normal shorter than this share of the longest one along an edge has no direction.
 NO_NORMAL = 1e-8
-ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, IndexError, ValueError)
+ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError)
 
 
 @dataclass(slots=True)
@@ -78,10 +78,12 @@ def edge_facts(
     places = np.broadcast_to(PLACES, (len(a), len(PLACES)))
     same = uses.reversed[a] == uses.reversed[b]
     facts.angle_deg[pairs] = _angles(uses, a, places, b, places, same)
-    single = np.flatnonzero((times == 1) & (facts.kind != DEGENERATE))
-    rows = order[first[single]]
-    lone = lone_edges([uses.uses[k].edge for k in rows.tolist()], tolerance)
-    _met(uses, rows, lone, facts)
+    used = np.flatnonzero(times)
+    used = used[uses.in_space[order[first[used]]]]
+    rows, several = (order[first[some]] for some in (used[times[used] == 1], used[times[used] > 1]))
+    own, shared = ([uses.uses[k].edge for k in some.tolist()] for some in (rows, several))
+    lone = lone_edges(own, shared, tolerance)
+    _met(uses, rows, several, lone, facts)
     known = np.isfinite(facts.angle_deg) & (facts.kind == UNKNOWN)
     facts.kind[known] = np.where(facts.angle_deg[known] <= angle_deg, SMOOTH, SHARP)
     free = np.zeros(len(raws))
@@ -89,13 +91,22 @@ def edge_facts(
     return facts, free.tolist()
 
 
-def _met(uses: _Uses, rows: IntArray, lone: Lone, facts: EdgeFacts) -> None:
-    """Facts of the edges that one face alone uses, which are the ``rows`` of the uses."""
+def _met(uses: _Uses, rows: IntArray, several: IntArray, lone: Lone, facts: EdgeFacts) -> None:
+    """Facts of the edges that one face alone uses, which are the ``rows`` of the uses.
+
+    Edges that ``several`` sides of faces share, of which these are the first uses, are non-manifold
+    where others lie on them.
+    """
     edge = uses.edge[rows]
     free, many = lone.free > 0.0, lone.others > 1
     facts.kind[edge[many]] = NON_MANIFOLD
     facts.kind[edge[free]] = FREE
-    facts.faces[edge[lone.edge], 1] = uses.face[rows[lone.other]]
+    rows = np.append(rows, several)
+    over = uses.edge[rows[lone.other[lone.other >= len(edge)]]]
+    facts.kind[over] = NON_MANIFOLD
+    facts.angle_deg[over] = np.nan
+    # Of several others that lie on an edge the first one is named.
+    facts.faces[edge[lone.edge[::-1]], 1] = uses.face[rows[lone.other[::-1]]]
     some = ~(free | many)[lone.edge]
     a, b = rows[lone.edge[some]], rows[lone.other[some]]
     at, on = lone.at[some], lone.on[some]
@@ -119,8 +130,8 @@ def _direction(edge: Edge, share: float) -> FloatArray:
 
 @dataclass(slots=True)
 class _Uses:
-    """Uses (n,) of edges by faces: edge and face of each, its sense against the face's +normal, and
-    whether it is a pole."""
+    """Uses (n,) of edges by faces: edge and face of each, its sense against the face's +normal,
+    whether it is a pole, and whether it has a curve in space."""
 
     uses: list[EdgeUse]
     raws: Sequence[RawFace]
@@ -128,17 +139,18 @@ class _Uses:
     face: IntArray
     reversed: IntArray
     pole: BoolArray
+    in_space: BoolArray
 
     @classmethod
     def of(cls, raws: Sequence[RawFace]) -> _Uses:
         found = [(i, u) for i, r in enumerate(raws) for loop in r.loops for u in loop]
         table = np.array(
-            [(u.edge.index, i, u.reversed ^ raws[i].reversed, u.degenerate) for i, u in found],
+            [(u.edge.index, i, u.reversed ^ raws[i].reversed, u.edge.degenerate) for i, u in found],
             dtype=np.int64,
         ).reshape(-1, 4)
-        return cls(
-            [u for _, u in found], raws, table[:, 0], table[:, 1], table[:, 2], table[:, 3] > 0
-        )
+        in_space = np.array([u.edge.curve is not None for _, u in found], dtype=bool)
+        edge, face, turned, pole = table.T
+        return cls([u for _, u in found], raws, edge, face, turned, pole > 0, in_space)
 
     def normals(self, rows: IntArray, shares: FloatArray) -> FloatArray:
         """Unit +normals (m, k, 3) of the faces of uses (m,) at shares (m, k) of their edges.

@@ -65,7 +65,7 @@ from .surfaces import (
 
 @dataclass(slots=True)
 class Edge:
-    """A B-rep edge in space; ``curve`` is None when it is degenerate (a pole).
+    """A B-rep edge in space; ``curve`` is None when it is degenerate (a pole), or has none.
 
     ``vertices`` are the points at ``start`` and ``end`` that all edges there share. ``tolerance``
     bounds the distance of the edge's chain from the curve, ``gap`` is what a vertex lies off it.
@@ -80,13 +80,17 @@ class Edge:
     gap: float = 0.0
     #: Whether a face is exact only if the chain is.
     exact: bool = False
+    degenerate: bool = False
     chain: Any = None
     stations: FloatArray | None = None
 
 
 @dataclass(slots=True)
 class EdgeUse:
-    """An edge on a face: its curve in (u, v) and the sense in which the loop runs along it."""
+    """An edge on a face: its curve in (u, v) and the sense in which the loop runs along it.
+
+    ``degenerate`` is also what edges without a curve in space are converted as.
+    """
 
     edge: Edge
     curve: Curve | None
@@ -331,13 +335,16 @@ class Extractor:
         index = self._map.FindIndex(e) - 1
         found = self._edges.get(index)
         if found is None:
-            curve = None if BRep_Tool.Degenerated_s(e) else BRep_Tool.Curve_s(e, 0.0, 0.0)
+            pole = bool(BRep_Tool.Degenerated_s(e))
+            curve = None if pole else BRep_Tool.Curve_s(e, 0.0, 0.0)
             start, end = BRep_Tool.Range_s(e) if curve is not None else (0.0, 1.0)
             ends = []
             for vertex in (TopExp.FirstVertex_s(e, False), TopExp.LastVertex_s(e, False)):
                 ends.append(None if vertex.IsNull() else np.array(BRep_Tool.Pnt_s(vertex).Coord()))
             array = None if curve is None else curve_3d(curve)
-            found = Edge(index, array, start, end, self._tolerance, (ends[0], ends[1]))
+            found = Edge(
+                index, array, start, end, self._tolerance, (ends[0], ends[1]), degenerate=pole
+            )
             self._edges[index] = found
         return found
 

@@ -123,7 +123,9 @@ class Mesh:
                 if then is None or (then < before and then != b):
                     return None
                 chain.append(then)
-            i = owner.pop((a, b))
+            i = owner.pop((a, b), -1)
+            if i < 0:
+                return None  # loops that touch may have changed places: no triangle has that side
             c = sum(tri[i]) - a - b
             for k, (p, q) in enumerate(zip(chain[:-1], chain[1:], strict=True)):
                 e, f = moved[q] - moved[p], moved[c] - moved[p]

@@ -83,18 +83,6 @@ def inside(polygon: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray((spans & (points[:, 0, None] < x)).sum(1) % 2 == 1)
 
 
-def triangulate(loops: list[FloatArray]) -> list[Triangle] | None:
-    """Counter-clockwise triangles of vertex numbers, loop after loop; None when it fails."""
-    points = np.concatenate(loops)
-    ends = np.cumsum([len(p) for p in loops]).tolist()
-    numbers = [[*range(a, b)] for a, b in zip([0, *ends], ends, strict=False)]
-    moved = nudged(points, len(loops))
-    found = clipped(moved, numbers)
-    if found is None:
-        return None
-    return settled(points, flipped(moved, found, border_of(numbers)), numbers)
-
-
 def nudged(points: FloatArray, loops: int = 3) -> FloatArray:
     """Points (n, 2) of so many loops, each displaced by a tiny fixed step of its own."""
     # Squares: steps linear in the number would leave rows of a grid of holes on one line.

@@ -72,7 +72,7 @@ def bare_scene(model: Model, path: Path, *, up: str = "z", scale: float = 1.0) -
     scene.sky, scene.ground = CIESky(16, diffuse_illuminance_lx=SKY_LX), Ground(0.2)
     interior = find_interior(scene, entry)
     if interior is not None and interior.air:
-        pattern = exact_pattern(full_path(entry, model.parts[interior.part]))
+        pattern = full_path(entry, model.parts[interior.part])
         scene.assign(pattern, Air())
         values["assign"].append({"parts": pattern, "air": True})
         remarks.append(
@@ -93,11 +93,6 @@ def bare_scene(model: Model, path: Path, *, up: str = "z", scale: float = 1.0) -
     scene.add(CameraTable(**camera).build())
     scene.notes += [f"default: {remark}" for remark in remarks]
     return BareScene(scene, values, remarks)
-
-
-def exact_pattern(path: str) -> str:
-    """Pattern that matches ``path`` and nothing else."""
-    return "".join(f"[{c}]" if c in "*?[" else c for c in path)
 
 
 def find_interior(scene: Scene, entry: Entry) -> Interior | None:
@@ -234,7 +229,7 @@ def _default_grid(data: SceneData, interior: Interior | None) -> tuple[dict[str,
         spacing = _round_spacing(math.sqrt(float(area[row])) / CELLS)
         grid = {
             "name": "largest-face",
-            "parts": exact_pattern(path),
+            "parts": path,
             "faces": f"#{face.number}",
             "spacing_m": spacing,
         }

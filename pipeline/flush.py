@@ -21,6 +21,10 @@ _WEIGHTS = np.sqrt([2.0, 3.0, 5.0, 7.0])
 #: Control points around a patch, and pairs of patches compared at a time.
 _AROUND = np.array([0, 4, 8, 12, 13, 14, 15, 11, 7, 3, 2, 1])
 _BLOCK = 1000
+#: Patches overlap from ten times the slack on, or this share of the width of the narrower one: a
+#: strip may be narrower than the slack, patches side by side overlap by rounding.
+_OVER = 10.0
+_NARROW = 0.5
 #: Unit normals of planes that may be one differ by less; what counts is how far points are off.
 _PARALLEL = 1e-4
 
@@ -153,15 +157,23 @@ def _overlap(a: _Flat, b: _Flat, slack: float) -> bool:
     x /= np.linalg.norm(x)
     frame = np.stack([x, np.cross(a.normal, x)], axis=1)
     own, other = a.points @ frame, b.points @ frame
-    low, high = own.min(axis=1), own.max(axis=1)
-    common = np.minimum(high[:, None], other.max(axis=1)) - np.maximum(
-        low[:, None], other.min(axis=1)
-    )
-    i, j = np.nonzero((common > 10.0 * slack).all(axis=2))
+    over = _over(own[:, None], other[None], _OVER * slack)
+    i, j = np.nonzero(over.all(axis=2))
     return any(
-        bool(_not_apart(own[i[k : k + _BLOCK]], other[j[k : k + _BLOCK]], 10.0 * slack).any())
+        bool(_not_apart(own[i[k : k + _BLOCK]], other[j[k : k + _BLOCK]], _OVER * slack).any())
         for k in range(0, len(i), _BLOCK)
     )
+
+
+def _over(a: FloatArray, b: FloatArray, least: float) -> NDArray[np.bool_]:
+    """Where the ranges of points a and b (..., 16, axes) overlap on an axis: (..., axes).
+
+    They do by more than ``least``, or `_NARROW` of the narrower range.
+    """
+    low, high = (a.min(axis=-2), b.min(axis=-2)), (a.max(axis=-2), b.max(axis=-2))
+    width = np.minimum(high[0] - low[0], high[1] - low[1])
+    common = np.minimum(*high) - np.maximum(*low)
+    return np.asarray(common > np.minimum(least, _NARROW * width))
 
 
 def _not_apart(a: FloatArray, b: FloatArray, least: float) -> NDArray[np.bool_]:
@@ -175,5 +187,4 @@ def _not_apart(a: FloatArray, b: FloatArray, least: float) -> NDArray[np.bool_]:
     length = np.linalg.norm(across, axis=2, keepdims=True)
     across = across / np.where(length > 0.0, length, 1.0)
     p, q = a @ across.swapaxes(1, 2), b @ across.swapaxes(1, 2)
-    common = np.minimum(p.max(axis=1), q.max(axis=1)) - np.maximum(p.min(axis=1), q.min(axis=1))
-    return np.asarray(((common > least) | (length[..., 0] == 0.0)).all(axis=1))
+    return np.asarray((_over(p, q, least) | (length[..., 0] == 0.0)).all(axis=1))

@@ -123,7 +123,7 @@ def _without_sensors(scene: Scene, states: tuple[str, ...]) -> tuple[Slots, Scen
     gone: list[int] = []
     had = np.unique(data.luminaire_index[data.luminaire_index >= 0])
     if states:
-        gone = absent_parts(scene.states.values(), states, [part.path for part in parts])
+        gone = absent_parts(scene.states.values(), states, scene.entries)
         data = without_parts(data, gone)
     slots, data = _without_lost_lamps(slots, with_one_of_each(data, slots.order), had, gone)
     return slots, with_glass(data, slots.glass)

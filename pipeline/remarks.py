@@ -31,10 +31,19 @@ def scene_notes(scene: Scene, data: SceneData) -> list[str]:
 def model_warnings(scene: Scene) -> list[str]:
     """What is doubtful about the models themselves, each named where the text does not do so."""
     return [
-        text if re.search(rf"\b{re.escape(entry.name)}\b", text) else f"{entry.name}: {text}"
+        text if _names(text, entry.name) else f"{entry.name}: {text}"
         for entry in scene.entries.values()
         for text in entry.model.warnings
     ]
+
+
+def _names(text: str, model: str) -> bool:
+    """Whether a text is about a model by its name, or about a path that starts with it.
+
+    Any other word may be the name of a model by chance, such as "solid" or "part".
+    """
+    path = re.search(rf"(?<![\w/]){re.escape(model)}/", text)
+    return text.startswith(f"model {model} ") or path is not None
 
 
 def listed(names: list[str]) -> str:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from patchlight.solver.errors import InputError
 from patchlight.solver.model import SceneData
-from patchlight.solver.model.result import matching
+
+from .assigning import full_path, matched_parts, row_offsets
+
+if TYPE_CHECKING:
+    from .scene import Entry
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +115,12 @@ def _patterns(name: str, key: str, given: str | Iterable[str] | None) -> tuple[s
     return found
 
 
-def absent_parts(states: Iterable[State], names: Iterable[str], paths: list[str]) -> list[int]:
+def absent_parts(
+    states: Iterable[State], names: Iterable[str], entries: Mapping[str, Entry]
+) -> list[int]:
     """Rows of the parts that are not there in the states ``names`` together.
+
+    Patterns mean what they do in assignments; rows count the parts of all ``entries``.
 
     Raises
     ------
@@ -127,31 +136,28 @@ def absent_parts(states: Iterable[State], names: Iterable[str], paths: list[str]
     absent: set[int] = set()
     there: set[int] = set()
     for state in own:
-        absent |= _rows(state, "absent", paths)
-        there |= _rows(state, "present", paths)
+        absent |= _rows(state, "absent", entries)
+        there |= _rows(state, "present", entries)
     both = sorted(absent & there)
     if both:
         which = " + ".join(wanted)
+        paths = [full_path(e, part) for e in entries.values() for part in e.model.parts]
         raise InputError(f"state {which!r}: {paths[both[0]]} is both present and absent")
     others: set[int] = set()
     for state in states:
-        others |= _rows(state, "present", paths)
+        others |= _rows(state, "present", entries)
     return sorted(absent | (others - there))
 
 
-def _rows(state: State, key: str, paths: list[str]) -> set[int]:
-    out: set[int] = set()
-    for pattern in getattr(state, key):
-        hits = set(matching(pattern, paths))
-        if not hits:
-            from difflib import get_close_matches
-
-            near = ", ".join(get_close_matches(pattern, paths, n=3, cutoff=0.0))
-            raise InputError(
-                f"state {state.name!r}: {key} = {pattern!r}: no part matches; nearest: {near}"
-            )
-        out |= hits
-    return out
+def _rows(state: State, key: str, entries: Mapping[str, Entry]) -> set[int]:
+    starts = row_offsets(entries)[0]
+    return {
+        starts[name] + row
+        for pattern in getattr(state, key)
+        for name, row in matched_parts(
+            entries, pattern, label=f"state {state.name!r}: {key} = {pattern!r}"
+        )
+    }
 
 
 def without_parts(data: SceneData, parts: list[int]) -> SceneData:

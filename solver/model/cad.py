@@ -112,11 +112,13 @@ class CadEdges:
         *sharp*; a seam lies between a face and itself. It is *free* where no other face of the part
         begins, on any stretch of it; *non-manifold* where more than two sides of faces meet;
         *degenerate* where it is one point, a pole or an apex; *unknown* where a normal could not be
-        found.
+        found or the file has no curve of it.
     part : (e,) int array
         Row of the part.
     faces : (e, 2) int array
-        Rows of `Model.faces` that meet there, the first two of a non-manifold edge; −1 for none.
+        Rows of `Model.faces` that meet there, −1 for none. Of more than two they are the first two;
+        of an edge that one face has alone, they are this one and the first of those whose edges lie
+        along it.
     angle_deg : (e,) array
         Largest angle between the normals of the two faces along the edge, 180 where they fold back
         onto each other; NaN where there are not just two. [deg]

@@ -8,6 +8,14 @@ import cadquery as cq
 import numpy as np
 import pytest
 from OCP.BRep import BRep_Builder
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeEdge,
+    BRepBuilderAPI_MakeFace,
+    BRepBuilderAPI_MakeWire,
+)
+from OCP.GCE2d import GCE2d_MakeSegment
+from OCP.Geom import Geom_CylindricalSurface
+from OCP.gp import gp_Ax3, gp_Pnt2d
 from OCP.TopoDS import TopoDS_Shell
 from patchlight.importers import from_cadquery, inspection, kept, read_step
 from patchlight.pipeline.inspecting import inspection_text
@@ -153,6 +161,28 @@ def test_three_faces_at_one_edge_are_non_manifold():
     assert kinds(converted(shell_of(*fan))) == {"free": 9, "non-manifold": 3}
 
 
+@pytest.mark.parametrize("other", [tile(0, 1, 0, 1, 45.0), tile(0, 2, 0.2, 0.7, 45.0)])
+def test_an_unsewn_face_on_a_sewn_edge_is_not_free_there(other):
+    pair = sewn(tile(-1, 0, 0, 1), tile(0, 1, 0, 1, 1.5)).Faces()
+    assert kinds(converted(shell_of(*pair))) == {"sharp": 1, "free": 6}
+    model = converted(shell_of(*pair, other))
+    assert kinds(model) == {"free": 9, "non-manifold": 2}
+    shared, own = model.edges.rows("non-manifold")
+    assert set(model.edges.faces[shared]) == {0, 1}
+    assert model.edges.faces[own].tolist() == [2, 0]
+    assert np.isnan(model.edges.angle_deg[[shared, own]]).all()
+    # A little farther off than the tolerance it is free, and the sewn edge is what it was.
+    model = converted(shell_of(*pair, other.translate(cq.Vector(0, 0, 1e-3))))
+    assert kinds(model) == {"sharp": 1, "free": 10}
+
+
+def test_of_several_unsewn_faces_at_an_edge_the_first_one_is_named():
+    fan = tile(-1, 0, 0, 1), tile(0, 1, 0, 1), tile(0, 1, 0, 1, 45.0)
+    edges = converted(shell_of(*fan)).edges
+    met = edges.faces[edges.rows("non-manifold")]
+    assert met.tolist() == [[0, 1], [1, 0], [2, 0]]
+
+
 def test_moved_and_repeated_parts_keep_their_edges():
     part = BOX.edges("|Z").fillet(0.2)
     two = cq.Assembly()
@@ -195,6 +225,20 @@ def test_inspection_counts_edges_of_each_part():
     assert listed["edges"] == {"smooth": 1, "sharp": 1, "degenerate": 1}
     assert listed["part_edges"] == [{"part": model.parts[0].path, **listed["edges"]}]
     assert "edges: 1 smooth, 1 sharp, 1 degenerate" in inspection_text(model)
+
+
+def test_edges_without_a_curve_in_space_are_no_poles():
+    # A piece of a cylinder whose edges are lines in (u, v) alone.
+    wall, corners = Geom_CylindricalSurface(gp_Ax3(), 1.0), [(0, 0), (1, 0), (1, 2), (0, 2)]
+    wire = BRepBuilderAPI_MakeWire()
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        line = GCE2d_MakeSegment(gp_Pnt2d(*a), gp_Pnt2d(*b)).Value()
+        wire.Add(BRepBuilderAPI_MakeEdge(line, wall).Edge())
+    face = cq.Face(BRepBuilderAPI_MakeFace(wall, wire.Wire()).Face())
+    model = converted(face)
+    assert kinds(model) == {"unknown": 4}
+    assert model.edges.faces.tolist() == [[0, -1]] * 4
+    assert model.faces[0].area_m2 == pytest.approx(2.0, rel=1e-12)
 
 
 def test_unknown_kinds_are_named():

@@ -77,3 +77,26 @@ def test_faces_that_were_never_sewn_together_close_up():
     assert not any("free edges" in w for w in model.warnings)
     moved = [*apart[:5], apart[5].translate(cq.Vector(0.01, 0.0, 0.0))]
     assert sum(free(solid_of(moved))[1]) > 0.0
+
+
+def test_a_lid_that_is_off_by_less_than_the_tolerance_closes_the_box():
+    # Tolerance 1e-4 of the size, 3.7e-4 m: the lid is off by more than 1e-6 of an edge.
+    apart = [cq.Face(f.copy().wrapped) for f in BOX.faces().vals()]
+    top = max(range(6), key=lambda k: apart[k].Center().z)
+    apart[top] = apart[top].translate(cq.Vector(1e-4, 0.0, 0.0))
+    model, found = free(solid_of(apart))
+    assert found == [0.0] * 6
+    assert model.certificate.edges == {"sharp": 24}
+
+
+def test_edges_shorter_than_the_tolerance_are_free():
+    # A corner cut off at 45 degrees, and a step: 4 mm where 7 mm are one place.
+    for corner in (
+        [(50, 0), (50, 49.997), (49.997, 50)],
+        [(50, 0), (50, 49), (49.996, 49), (49.996, 50)],
+    ):
+        around = [cq.Vector(x, y, 0) for x, y in [(0, 0), *corner, (0, 50)]]
+        model, (found,) = free(cq.Face.makeFromWires(cq.Wire.makePolygon(around, close=True)))
+        lengths = [(b - a).Length for a, b in zip(around, [*around[1:], around[0]], strict=True)]
+        assert model.certificate.edges == {"free": len(around)}
+        assert found == pytest.approx(sum(lengths), rel=1e-12)

@@ -18,7 +18,7 @@ from patchlight.importers.planar_domain import planar_domain
 from patchlight.importers.projected import projected
 from patchlight.importers.surfaces import Round, SplineSurface
 from patchlight.importers.together import SurfaceBatch
-from patchlight.importers.triangulate import areas, nudged, overlapping, signed_area, triangulate
+from patchlight.importers.triangulate import areas, nudged, overlapping, signed_area
 
 from .many_solids import SOLIDS
 
@@ -71,12 +71,15 @@ def test_rows_of_equal_holes_are_triangulated():
     angle = -2.0 * np.pi * np.arange(8) / 8
     ring = 0.3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     loops += [ring + [1.0 + i, 1.0 + j] for i in range(20) for j in range(10)]
-    found = triangulate(loops)
-    points = np.concatenate(loops)
-    assert found is not None and len(found) == len(points) - 2 + 2 * 200
-    area = areas(points, np.array(found))
+    _, chord = circles(1)
+    arcs = [[chord(p, q) for p, q in zip(x, np.roll(x, -1, axis=0), strict=True)] for x in loops]
+    mesh = Mesh(chord)
+    assert mesh.update(arcs)
+    assert len(mesh.triangles) == len(mesh.points) - 2 + 2 * 200
+    area = areas(mesh.points, np.array(mesh.triangles))
     assert area.min() > -1e-12  # three vertices on a line
-    assert area.sum() == pytest.approx(sum(signed_area(p) for p in loops), rel=1e-12)
+    total = sum(signed_area(np.array([a.start for a in loop])) for loop in arcs)
+    assert area.sum() == pytest.approx(total, rel=1e-12)
 
 
 def test_quality_of_straight_cells_needs_no_samples():
@@ -230,6 +233,30 @@ def test_a_mesh_follows_its_boundary():
         return {frozenset(map(tuple, m.points[list(t)].round(9).tolist())) for t in m.triangles}
 
     assert len(places(mesh) - places(again)) <= 4 * 5  # diagonals of squares, which are as good
+
+
+def test_a_side_that_no_triangle_has_is_triangulated_anew():
+    loops, chord = circles(2)
+    mesh = Mesh(chord)
+    assert mesh.update(loops)
+    wanted = sum(areas(mesh.points, np.array(mesh.triangles)))
+    # The first side of the plate, between the vertices 0 and 1, is cut.
+    mesh._moved = [t for t in mesh._moved if not {0, 1} <= set(t)]
+    loops[0] = [*loops[0][0].halves(), *loops[0][1:]]
+    assert mesh.update(loops)
+    assert sum(areas(mesh.points, np.array(mesh.triangles))) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_an_unexpected_key_fails_one_face_and_not_the_file(monkeypatch):
+    def fails(*_):
+        raise KeyError((3, 5))
+
+    monkeypatch.setattr(Mesh, "update", fails)
+    plate = cq.Workplane().box(9, 2, 1).faces(">Z").workplane().hole(0.6)
+    model = from_cadquery(plate, cache=False)
+    failed = [f for f in model.faces if f.failed]
+    assert 0 < len(failed) < len(model.faces)
+    assert all(f.reason == "unexpected geometry ((3, 5))" for f in failed)
 
 
 def test_displaced_rows_are_no_rows():

@@ -27,3 +27,15 @@ def test_the_view_from_outside_holds_the_whole_model(make_model, size):
     assert away.min() > 0.0
     # A tenth is left free: of half of 47 degrees or of 60, so that some side is nearer than 4.
     assert away.min() < np.sin(np.radians(4.0))
+
+
+def test_a_part_whose_name_holds_signs_of_patterns_is_meant_alone(make_model):
+    # As a pattern the first name means the second one.
+    air, desk = ((4, 3, 3), (0, 0, 0), False), ((1, 1, 0.7), (0, 0, -1.1), False)
+    bare = bare_scene(make_model("m", {"hall [1]*": air, "hall 1": desk}), Path("m.step"))
+    assert bare.values["assign"] == [{"parts": "m/hall [1]*", "air": True}]
+    assert bare.scene.entries["m"].air == {0}
+    # The floor of the hall, seen from inside, is its largest face that looks up.
+    assert bare.values["sensors"][0]["parts"] == "m/hall [1]*"
+    (sensors,) = bare.scene.freeze().sensors
+    np.testing.assert_allclose(sensors.points[:, 2], -1.5, atol=2e-3)

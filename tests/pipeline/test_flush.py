@@ -87,6 +87,22 @@ def test_a_flush_panel_follows_what_it_is_in():
     assert lowest == corners(data, "box")[bottom(data), ..., 2].max()
 
 
+@pytest.mark.parametrize("turn", [0.0, 40.0])
+def test_a_strip_narrower_than_the_slack_is_flush(turn):
+    # An LED strip of 5 mm below the ceiling of a hall of 60 m, which touch within 6 mm.
+    hall = cq.Workplane().box(60, 20, 8).val()
+    strip = cq.Workplane().rect(30, 0.005).extrude(1).faces("<Z").val()
+    strip = strip.rotate(cq.Vector(), cq.Vector(0, 0, 1), turn)
+    data = scene_of(box=hall, lit=strip.translate(cq.Vector(0, 0, 4 + 1e-9))).freeze()
+    top = int(np.argmax(corners(data, "box")[..., 2].mean(axis=(1, 2))))
+    assert apart(data, "lit", "box", top) == 0.0
+    # Beside the ceiling, at its very edge, there is nothing that it lies on.
+    beside = cq.Workplane().rect(30, 0.005).extrude(1).faces("<Z").val()
+    beside = beside.translate(cq.Vector(0, 10.0025, 4 + 1e-9))
+    data = scene_of(box=hall, lit=beside).freeze()
+    assert apart(data, "lit", "box", top) == pytest.approx(1e-9, rel=1e-3)
+
+
 def test_solids_that_touch_and_faces_beside_each_other_stay():
     above = BOX.translate(cq.Vector(0, 0, 0.1 + 1e-9))
     beside = BOX.translate(cq.Vector(0.8, 0, 1e-9))

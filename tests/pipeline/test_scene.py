@@ -412,3 +412,13 @@ def test_doubts_about_a_model_are_warnings_and_name_it_once(make_model):
     data = Scene(dataclasses.replace(model, warnings=said)).freeze()
     assert data.warnings == (said[0], f"chair: {said[1]}")
     assert not any(text in note for text in said for note in data.notes)
+
+
+def test_words_that_are_names_of_models_by_chance_do_not_name_them(make_model):
+    said = ("part leg is 90 m long: check", "2 solids are no closed solid", "solid/leg #1 failed")
+    scene = Scene()
+    for name in ("solid", "part"):
+        model = make_model(name, {"leg": ((1.0, 1.0, 1.0), (0, 0, 0), False)})
+        scene.add(dataclasses.replace(model, warnings=said), name=name)
+    wanted = [f"solid: {said[0]}", f"solid: {said[1]}", said[2], *(f"part: {t}" for t in said)]
+    assert list(scene.freeze().warnings) == wanted

@@ -11,6 +11,7 @@ from patchlight.pipeline import (
     Emitter,
     Ground,
     Material,
+    Scene,
     SensorGrid,
     Site,
     simulate_year,
@@ -196,27 +197,42 @@ def test_states_are_solved_each(weather_file):
     assert patches == [9, 10]
 
 
-def test_which_parts_are_there():
-    paths = ["room/wall", "room/blind", "room/shade"]
+def test_which_parts_are_there(make_model):
+    box = ((1.0, 1.0, 1.0), (0, 0, 0), False)
+    scene = Scene(make_model("room", dict.fromkeys(("wall", "blind", "shade"), box)))
+    entries = scene.entries
     states = [
         make_state("open", None, None),
         make_state("blind", "blind", None),
         make_state("both", ["blind", "shade"], None),
         make_state("no wall", None, "room/w*"),
     ]
-    found = {state.name: absent_parts(states, [state.name], paths) for state in states}
+    found = {state.name: absent_parts(states, [state.name], entries) for state in states}
     assert found == {"open": [1, 2], "blind": [2], "both": [], "no wall": [0, 1, 2]}
     with pytest.raises(InputError, match="'blnd': no part matches; nearest: room/blind"):
-        absent_parts([make_state("a", "blnd", None)], ["a"], paths)
+        absent_parts([make_state("a", "blnd", None)], ["a"], entries)
     with pytest.raises(InputError, match="both present and absent"):
-        absent_parts([make_state("a", "blind", "*d")], ["a"], paths)
+        absent_parts([make_state("a", "blind", "*d")], ["a"], entries)
     with pytest.raises(InputError, match="states: open"):
-        absent_parts(states[:1], ["shut"], paths)
+        absent_parts(states[:1], ["shut"], entries)
     for bad in ("", None, 3):
         with pytest.raises(InputError, match="must have a name"):
             make_state(bad, None, None)
     with pytest.raises(InputError, match="part pattern"):
         make_state("a", [3], None)
+
+
+def test_states_name_parts_as_inspect_prints_them(make_model):
+    box = ((1.0, 1.0, 1.0), (0, 0, 0), False)
+    scene = Scene()
+    scene.add(make_model("floor", {"slab": box}), name="below")
+    scene.add(make_model("file", {"asm/wall": box, "asm/blind": box}), name="room")
+    for pattern in ("asm/blind", "room/asm/blind", "blind"):
+        states = [make_state("up", None, pattern), make_state("down", pattern, None)]
+        assert absent_parts(states, ["up"], scene.entries) == [2]
+        assert absent_parts(states, ["down"], scene.entries) == []
+    scene.add_state("up", absent="asm/blind")
+    assert len(scene.freeze(state="up").patches) == 12
 
 
 def test_states_of_one_name():
