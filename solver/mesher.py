@@ -157,7 +157,7 @@ class Mesher:
             return np.inf  # it was made for lamps that are more even
         if self._has_new_gaps(mesh, budget):
             return np.inf
-        if mesh.looked is None:
+        if mesh.looked is None and not len(sun_numbers(self.scene)):
             return 0.0
         refiner, (index, levels) = self._refine_by(budget), self.lamps(budget)
         moved = not np.array_equal(mesh.nets, self.scene.patches.control_points)
@@ -169,6 +169,8 @@ class Mesher:
         mixed |= any(lamp.profile is not None for lamp in self.scene.luminaires)
         if other or (dimmed and (moved or mixed or not refiner.light.is_like(mesh.lamps[1]))):
             return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
+        if looked is None:
+            return 0.0  # it is one that no light decides on
         if dimmed:
             looked = refiner.relit(mesh.boxes, looked, mesh.lamps[1])
         elif moved:
