@@ -144,6 +144,12 @@ class DiscLight:
         return SeenDisc(level * out, level * np.sqrt(variance), counters)
 
 
+def is_up(sun: Sun) -> bool:
+    """Whether the sun shines, any of its disc being above the horizon."""
+    above = sun.altitude_deg > -sun.angular_radius_arcmin / 60.0
+    return above and sun.normal_illuminance_lx > 0.0
+
+
 def stack_of(sun: Sun) -> tuple[tuple[float, float], ...]:
     """Tangent of the radius, and weight, of the even discs that make up that of ``sun``.
 
