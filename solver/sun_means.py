@@ -78,7 +78,7 @@ def _parts(elements: Elements, unknowns: Unknowns) -> tuple[IntArray, FloatArray
     first = np.searchsorted(unknowns.element, np.arange(len(elements)))
     rank = np.arange(len(unknowns.element)) - first[unknowns.element]
     whole = ~elements.buried.any(axis=1)
-    order = 1 if unknowns.basis is None else len(unknowns.basis.rule)
+    order = unknowns.order
     rows, parts = [np.empty(0, dtype=np.int64)], [np.empty((0, 4))]
     for n in np.unique(count[whole]).tolist():
         side = math.isqrt(n)
