@@ -9,13 +9,15 @@ import math
 
 import numpy as np
 import pytest
+from patchlight.solver.camera import _TURNS
 from patchlight.solver.model import PatchSet, Sun
 from patchlight.solver.model.sky import direction
 from patchlight.solver.skies import sun_horizontal_illuminance
 from patchlight.solver.sun_disc import DARKENING, DiscLight, stack_of
+from patchlight.solver.sun_pictures import SunInPictures
 from patchlight.solver.topology import make_blockers
 
-from .fixtures_light import UP, Body, ceiling, setup
+from .fixtures_light import UP, Body, ceiling, rectangle, scene, setup
 
 RADIUS = math.radians(16.0 / 60.0)
 DISC = math.sin(RADIUS) ** 2
@@ -248,3 +250,32 @@ def test_partly_below_the_horizon(curved):
         assert level == pytest.approx(sun_horizontal_illuminance(sun), rel=1e-3)
     assert curved == (wall.counters["sun_past_curves"] > 0)
     assert seen([(0.0, 0.0, 0.0)], body, sun=Sun(-0.3, 0.0, 1.0)).illuminance[0] == 0.0
+
+
+def pictured(points, body):
+    """Share of the disc that pictures show at points (k, 3), turned as they ask for it, (5, k)."""
+    data = scene(setup(body), sun=HIGH)
+    blockers = setup(body).blockers
+    pictures = SunInPictures(data, blockers, trace=True, bands=1)
+    normals = np.broadcast_to((0.0, 0.0, 1.0), points.shape)
+    return np.stack([pictures.light(points, normals, turn) for turn in (0.0, *_TURNS)])
+
+
+def test_pictures_see_a_bar_before_the_disc_and_a_ball_in_it():
+    """Half as wide as the disc, they may leave all of its rim in sight."""
+    height, r = 2.0, 2.0 * RADIUS
+    bar = rectangle(
+        (-0.5 * r, -1.0, height), (0.5 * r, -1.0, height), (0.5 * r, 1.0, height),
+        (-0.5 * r, 1.0, height),
+    )  # fmt: skip
+    for body in (bar, PatchSet.sphere((0.0, 0.0, height), 0.5 * r)):
+        for turn in (0.0, 0.4, 0.7):
+            at = 2.1 * r * np.linspace(-1.0, 1.0, 43)[:, None] * (np.cos(turn), np.sin(turn), 0.0)
+            exact = share(at, body)
+            assert exact.min() < 0.8 and exact.max() > 0.99
+            found = pictured(at, body)
+            # Some tenth where a shadow lies between the places asked first, 0.03 each of the 32.
+            np.testing.assert_allclose(found, np.broadcast_to(exact, found.shape), atol=0.13)
+            # Half of the turns may miss it.
+            off = np.abs(found[1:].mean(axis=0) - exact)
+            assert off.max() < 0.07 and off.mean() < 0.02
