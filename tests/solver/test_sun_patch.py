@@ -70,6 +70,8 @@ def test_colours_and_panes_keep_their_share():
     behind = lit_by_sun(35.0, 165.0, 0.05, color=True, glass=True)
     share = flux_inside(behind) / flux_inside(plain)
     assert 0.75 < share < 0.92
+    # What a pane keeps back all over is no edge.
+    assert behind.counters["sun_means"] == pytest.approx(plain.counters["sun_means"], rel=0.1)
     light = plain.components["sun.direct"]
     some = light.max(axis=1) > 0.0
     ratios = light[some] / light[some].max(axis=1, keepdims=True)
