@@ -252,6 +252,33 @@ def test_partly_below_the_horizon(curved):
     assert seen([(0.0, 0.0, 0.0)], body, sun=Sun(-0.3, 0.0, 1.0)).illuminance[0] == 0.0
 
 
+@pytest.mark.parametrize("gap", [0.01, 0.02, 0.1])
+@pytest.mark.parametrize("turn", [0.3, 0.77])
+def test_light_between_pipes_is_as_far_off_as_stated(gap, turn):
+    """A slit of some hundredths of the disc's radius, narrower than the smallest part of it."""
+    r, height, thick = math.tan(RADIUS), 20.0, 0.05
+    across = np.array([math.cos(turn), math.sin(turn), 0.0])
+    along, up = np.array([-across[1], across[0], 0.0]), np.array(UP)
+    away = thick + 0.5 * gap * r * height
+    pipes = []
+    for k in (-1, 1):
+        ends = (k * away * across + j * along + height * up for j in (-9, 9))
+        pipes.append(Body(PatchSet.cylinder(*ends, thick)))
+    places = r * height * np.linspace(-0.8, 0.8, 9)
+    found = seen(places[:, None] * across, *pipes)
+
+    def side(middle, way):
+        """Share of the disc on this side of a pipe's edge, seen from each place."""
+        turned = np.arctan2(middle - places, height)
+        turned += way * np.arcsin(thick / np.hypot(middle - places, height))
+        h = np.clip(np.tan(turned) / r, -1.0, 1.0)
+        return 0.5 + (np.arcsin(h) + h * np.sqrt(1.0 - h * h)) / math.pi
+
+    hidden = sum(side(k * away, 1.0) - side(k * away, -1.0) for k in (-1, 1))
+    off = np.abs(found.illuminance - (1.0 - hidden))
+    assert (off < 3.0 * found.deviation + 1e-5).all() and off.max() < 2e-3
+
+
 def pictured(points, body):
     """Share of the disc that pictures show at points (k, 3), turned as they ask for it, (5, k)."""
     data = scene(setup(body), sun=HIGH)
