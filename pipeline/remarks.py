@@ -97,15 +97,29 @@ def _light(data: SceneData) -> list[str]:
         )
     if data.sun is not None and data.sun.altitude_deg <= 0.0:
         notes.append(f"the sun is below the horizon (altitude {data.sun.altitude_deg:g} degrees)")
-    if data.sun is not None and data.sun.limb_darkening:
-        used = {int(k) for k in np.unique(data.material_index) if k >= 0}
-        if any(np.any(data.materials[k].mirror_bands > 0.0) for k in used):
-            notes.append("limb darkening is left out of the light of the sun by way of mirrors")
+    notes += _limb(data)
     if data.maintenance_factor != 1.0 and data.luminaires:
         notes.append(
             f"maintenance factor {data.maintenance_factor:g} on electric light, none on daylight"
         )
     return notes
+
+
+def _limb(data: SceneData) -> list[str]:
+    """What takes the sun for evenly bright though it is not to be."""
+    if data.sun is None or not data.sun.limb_darkening:
+        return []
+    used = [data.materials[k] for k in np.unique(data.material_index) if k >= 0]
+    where = ["the means over elements that the edge of a sun patch crosses"]
+    if any(np.any(material.mirror_bands > 0.0) for material in used):
+        where.append("mirrors")
+    if any(np.any(material.specular_bands > 0.0) for material in used):
+        where.append("the lobes of glossy surfaces")
+    if (data.glass_index >= 0).any():
+        where.append("what comes through panes")
+    if data.cameras:
+        where.append("pictures")
+    return [f"limb darkening is left out of {listed(where)}"]
 
 
 def _places(data: SceneData) -> list[str]:

@@ -40,6 +40,8 @@ _BLOCK = 1 << 17
 #: Neighbouring pixels whose luminances differ by this share of the larger are sampled again.
 _CONTRAST = 0.1
 _SUBPIXELS = ((0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75))
+#: Turns of the places on the sun's disc that they ask, evenly over the right angle between these.
+_TURNS = tuple(0.5 * np.pi * (k + 0.5) / len(_SUBPIXELS) for k in range(len(_SUBPIXELS)))
 
 
 class Renderer:
@@ -64,6 +66,9 @@ class Renderer:
         Lamps whose luminance depends on where they are seen from; they are not in ``emitted``.
     second : SecondPass, optional
         Shows glossy surfaces by their lobes; without, they are diffuse.
+    sun : SunInPictures, optional
+        Tells the direct light of the sun at each pixel; it is not in ``reflected`` and
+        ``irradiance``.
 
     Raises
     ------
@@ -126,10 +131,10 @@ class Renderer:
         again = np.flatnonzero(self._edges(rgb, patch, (height, width)))
         if again.size:
             total = np.zeros((again.size, 3))
-            for subpixel in _SUBPIXELS:
+            for subpixel, turn in zip(_SUBPIXELS, _TURNS, strict=True):
                 origins, directions = camera.rays(subpixel=subpixel)
                 total += self._trace(
-                    origins.reshape(-1, 3)[again], directions.reshape(-1, 3)[again]
+                    origins.reshape(-1, 3)[again], directions.reshape(-1, 3)[again], turn=turn
                 )[0]
             rgb[again] = total / len(_SUBPIXELS)
         parts = np.append(self.scene.patches.part_index, -1)  # patch −1 is the last row
@@ -143,9 +148,17 @@ class Renderer:
         )
 
     def _trace(
-        self, origins: FloatArray, directions: FloatArray, near: float = 0.0, bounces: int = 0
+        self,
+        origins: FloatArray,
+        directions: FloatArray,
+        near: float = 0.0,
+        bounces: int = 0,
+        turn: float = 0.0,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
-        """Luminance, illuminance, depth, normal and patch along rays (m, 3)."""
+        """Luminance, illuminance, depth, normal and patch along rays (m, 3).
+
+        ``turn`` is that of the places on the sun's disc. [rad]
+        """
         from .kernels.render import shade
 
         m = len(directions)
@@ -163,10 +176,10 @@ class Renderer:
             seen = Seen(origins[rows], d, hits, normals[rows], illuminance[rows])
             if self._sun is not None:
                 met = np.flatnonzero(hits.patch >= 0)
-                self._sun.add(rgb[rows], illuminance[rows], met, seen.points(met), seen)
+                self._sun.add(rgb[rows], illuminance[rows], met, seen.points(met), seen, turn)
             self._shine.add_lobes(rgb[rows], seen, partial(self._emitted, d, hits))
             self._add_webs(rgb[rows], d, hits.patch, hits.facing)
-            self._add_mirrors(rgb[rows], seen, bounces)
+            self._add_mirrors(rgb[rows], seen, bounces, turn)
             if self._panes is not None:
                 self._panes.cover(rgb[rows], origins[rows], d, hits.t, self._shaded)
             depth[rows] = np.where(hits.patch >= 0, hits.t, np.nan)
@@ -186,7 +199,7 @@ class Renderer:
         """Luminance (m, 3) of surfaces where rays meet them. [cd/m²]"""
         return _shaded(self._shading, directions, patch, u, v, side)
 
-    def _add_mirrors(self, rgb: FloatArray, seen: Seen, bounces: int) -> None:
+    def _add_mirrors(self, rgb: FloatArray, seen: Seen, bounces: int, turn: float) -> None:
         """Add to ``rgb`` (m, 3) what is seen in mirrors, and in mirrors seen in them."""
         shares = self._shine.mirrors(seen)
         rows = np.flatnonzero(shares.any(axis=1))
@@ -195,7 +208,8 @@ class Renderer:
         at = seen.points(rows)
         n, d = seen.normals[rows], seen.directions[rows]
         turned = d - 2.0 * (d * n).sum(axis=1)[:, None] * n
-        rgb[rows] += shares[rows] * self._trace(at, turned, self._shine.near, bounces + 1)[0]
+        found = self._trace(at, turned, self._shine.near, bounces + 1, turn)
+        rgb[rows] += shares[rows] * found[0]
 
     def _add_webs(
         self, rgb: FloatArray, directions: FloatArray, patch: IntArray, facing: IntArray

@@ -15,6 +15,7 @@ from .model.scene import SceneData
 from .model.sky import direction
 from .profile_boxes import cut_evenly
 from .raycast import RayCaster
+from .topology import is_single
 
 #: Relative accuracy of unoccluded form factors: a hundredth of the light decides no cut.
 EPS = 1e-2
@@ -47,10 +48,14 @@ def lamp_exitances(scene: SceneData, boxes: Boxes) -> FloatArray:
     return out
 
 
-def sun_numbers(scene: SceneData) -> FloatArray:
-    """Direction and illuminance (4,) of the sun of a scene; none (0,) where there is none."""
+def sun_numbers(scene: SceneData, blockers: Blockers) -> FloatArray:
+    """Direction and illuminance (4,) of the sun of a scene; none (0,) where there is none.
+
+    None comes into a convex cavity that is all there is, which no rays are traced in.
+    """
     sun = scene.sun
-    if sun is None or sun.altitude_deg <= 0.0 or sun.normal_illuminance_lx == 0.0:
+    closed = is_single(blockers, blockers.hollow) and scene.opaque_count == len(scene.patches)
+    if sun is None or closed or sun.altitude_deg <= 0.0 or sun.normal_illuminance_lx == 0.0:
         return np.empty(0)
     return np.array([*direction(sun.altitude_deg, sun.azimuth_deg), sun.normal_illuminance_lx])
 
@@ -87,7 +92,7 @@ class DirectLight:
         boxes = lamp_boxes(scene)
         self._exitance = lamp_exitances(scene, boxes) if more is None else more[more != 0.0]
         boxes = boxes if more is None else boxes.take(np.flatnonzero(more))
-        self._sun = sun_numbers(scene) if more is None else np.empty(0)
+        self._sun = sun_numbers(scene, blockers) if more is None else np.empty(0)
         self._caster = RayCaster(scene.without_panes.patches) if trace else None
         low, high = scene.patches.bounds()
         self._lift = LIFT * float(np.linalg.norm(high - low))

@@ -264,9 +264,12 @@ class FieldSolver:
     def light_at(self, some: Unknowns, budget: Budget, field: Field) -> tuple[Gathered, FloatArray]:
         """Light at other points of the surfaces, found as that of the unknowns is.
 
-        Also the sums (k,) of their rows. No more rows are held at a time than a block takes.
+        They are all those of halved elements. Also the sums (k,) of their rows. No more rows are
+        held at a time than a block takes, of whole elements: what is the mean over a part of one
+        is told by how many unknowns there are on it.
         """
         step = max(LEAST_ROWS, BLOCK_BYTES // (PAIR_BYTES * len(field.sources.nets)))
+        step = max(step - step % field.unknowns.halves_of, field.unknowns.halves_of)
         if not budget.is_large or len(some) <= step:
             return self._light_at(some, budget, field)
         blocks = [np.arange(k, min(k + step, len(some))) for k in range(0, len(some), step)]

@@ -24,7 +24,7 @@ from .row_finder import Ask
 from .skies import ground_luminance
 from .spectra import cct_to_rgb
 from .stages import Stages
-from .sun_disc import DiscLight, SeenDisc
+from .sun_disc import DiscLight, SeenDisc, is_up
 from .sun_means import put_sun_means
 from .surfaces import Receivers, Surfaces
 from .uneven import UnevenField
@@ -40,6 +40,7 @@ class Light:
     variance: FloatArray
     outside: FloatArray  # (m,) form factor of sky and ground together, and its variance
     outside_variance: FloatArray
+    sun: FloatArray | None = None  # (m, b) of the sun without what mirrors throw, on elements
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,10 +53,14 @@ class Gathered:
         ``"<group>.direct"`` and ``"<group>.indirect"``. [lx]
     deviation : (m,) array
         Standard deviation of what was sampled. [lx]
+    sun : (m, b) array or None
+        What of ``"sun.direct"`` comes straight, not by way of mirrors; None without a sun, and at
+        sensors. [lx]
     """
 
     components: dict[str, FloatArray]
     deviation: FloatArray
+    sun: FloatArray | None = None
 
     @classmethod
     def of(cls, light: Light, indirect: dict[str, FloatArray], variance: FloatArray) -> Gathered:
@@ -64,14 +69,16 @@ class Gathered:
         for group, direct in light.direct.items():
             components[f"{group}.direct"] = direct
             components[f"{group}.indirect"] = indirect[group]
-        return cls(components, np.sqrt(variance + light.variance))
+        return cls(components, np.sqrt(variance + light.variance), light.sun)
 
     @classmethod
     def joined(cls, parts: Sequence[Gathered]) -> Gathered:
         """Light on the receivers of several, one after the other."""
         names = parts[0].components
         components = {name: np.concatenate([p.components[name] for p in parts]) for name in names}
-        return cls(components, np.concatenate([p.deviation for p in parts]))
+        deviation = np.concatenate([p.deviation for p in parts])
+        suns = [p.sun for p in parts if p.sun is not None]
+        return cls(components, deviation, np.concatenate(suns) if suns else None)
 
     def luminous(self, kind: str = "") -> FloatArray:
         """Illuminance (m,), of one kind (``"direct"``, ``"indirect"``) or in all. [lx]"""
@@ -139,8 +146,11 @@ class Incidence:
         if scanned is not None and not self.panes.any:
             scanned = self._known_outside(asked, scanned, sees_out)
         light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
+        # What comes by way of mirrors is added to a copy.
         sun, found = self.scene.sun, light.direct.get("sun")
-        if sun is not None and found is not None and self.trace and found.any():
+        light.sun = found
+        # The disc may be seen between the nodes, by none of them.
+        if sun is not None and found is not None and self.trace and sees_out and is_up(sun):
             with self.stages.run("sun"):
                 color = np.ones(1) if self.bands == 1 else cct_to_rgb(sun.cct_k)
                 if self._open is None:

@@ -105,7 +105,8 @@ class Finer:
         mean, arriving = self.unknowns.mean, self.arriving
         components = {name: mean(values) for name, values in arriving.components.items()}
         variance = self.unknowns.mean_variance(arriving.deviation**2)
-        return Gathered(components, np.sqrt(variance))
+        sun = None if arriving.sun is None else mean(arriving.sun)
+        return Gathered(components, np.sqrt(variance), sun)
 
     @property
     def reflected(self) -> FloatArray:
@@ -169,6 +170,10 @@ def finer_light(
     components = {name: values.copy() for name, values in told.items()}
     for name, values in arriving.components.items():
         components[name][some] = values
+    sun = None
+    if field.arriving.sun is not None and arriving.sun is not None:
+        sun = lift(field.arriving.sun)
+        sun[some] = arriving.sun
     for group, deviation in field.averaged.items():
         name, at = f"{group}.direct", lift.new[~np.isnan(deviation[chosen])]
         components[name] = as_much(components[name], told[name], fine.areas, at)
@@ -201,7 +206,7 @@ def finer_light(
     moved = fine.mean(altered)
     return Finer(
         unknowns=fine,
-        arriving=Gathered(components, np.sqrt(variance)),
+        arriving=Gathered(components, np.sqrt(variance), sun),
         sent=sent,
         kept=kept,
         change=change,

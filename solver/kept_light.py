@@ -40,7 +40,7 @@ class KeptLight:
     def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool, kept: Kept) -> None:
         self.scene, self.blockers, self.trace, self.kept = scene, blockers, trace, kept
         lamps = lamp_exitances(scene, lamp_boxes(scene))
-        self.shining = np.concatenate([lamps, sun_numbers(scene)])
+        self.shining = np.concatenate([lamps, sun_numbers(scene, blockers)])
         self._lamps = scene.luminaire_index, self.shining
         self._light: DirectLight | None = None
 
@@ -86,7 +86,7 @@ class KeptLight:
 
     def stays(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """See `DirectLight.stays`."""
-        if not len(sun_numbers(self.scene)):
+        if not len(sun_numbers(self.scene, self.blockers)):
             return np.ones(len(points))
         return self._made.stays(points, normals)
 

@@ -26,13 +26,13 @@ class Mesh:
     misplaced : float
         Share of the reflected light in the wrong place.
     looked : Looked or None
-        Light of the lamps on it, where that decided on it.
+        Light of lamps and sun on it, where that decided on it.
     nets : (p, 4, 4, 4) array
         Control nets of the patches.
     reflectances : (p, 2) array
         Luminous reflectances of their sides.
     lamps : tuple of (p, 2) int array and array
-        Lamp of each side of the patches, and their exitances. [lm/m²]
+        Lamp of each side of the patches; exitances of their pieces [lm/m²], and the sun.
     fineness : Fineness
         Of the elements as sources.
     halved : (c,) int array

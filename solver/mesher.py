@@ -66,6 +66,7 @@ class Mesher:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self._containment = Containment(scene, blockers) if tester is None else tester
         self._refiner: Refiner | None = None
+        self._sun = sun_numbers(scene, blockers)
         #: Whether neighbours are to differ by one cut at most; see `balance`.
         self.balance = False
         self._seams: list[Seam] | None = None
@@ -113,7 +114,7 @@ class Mesher:
         if added:
             self.stages.count({"elements_added_for_profiles": added})
         lamps = int((self.scene.luminaire_index >= 0).sum())
-        if lamps == 0 and not len(sun_numbers(self.scene)):
+        if lamps == 0 and not len(self._sun):
             return boxes, 0.0
         if most <= len(boxes) or not fits(most):
             self.stages.skipped["refinement"] = (
@@ -141,13 +142,13 @@ class Mesher:
 
     @property
     def looked(self) -> Looked | None:
-        """Light of the lamps on the last mesh; None where none was looked at."""
+        """Light of lamps and sun on the last mesh; None where none was looked at."""
         return None if self._refiner is None else self._refiner.looked
 
     def lamps(self, budget: Budget) -> tuple[IntArray, FloatArray]:
         """Lamps of the sides (p, 2) of all patches; exitances of their pieces and the sun."""
         index = self.scene.luminaire_index
-        if not (index >= 0).any() and not len(sun_numbers(self.scene)):
+        if not (index >= 0).any() and not len(self._sun):
             return index, np.empty(0)
         return index, self._refine_by(budget).light.shining
 
@@ -157,7 +158,7 @@ class Mesher:
             return np.inf  # it was made for lamps that are more even
         if self._has_new_gaps(mesh, budget):
             return np.inf
-        if mesh.looked is None:
+        if mesh.looked is None and not len(self._sun):
             return 0.0
         refiner, (index, levels) = self._refine_by(budget), self.lamps(budget)
         moved = not np.array_equal(mesh.nets, self.scene.patches.control_points)
@@ -165,10 +166,12 @@ class Mesher:
         other = not np.array_equal(mesh.lamps[0], index) or len(mesh.lamps[1]) != len(levels)
         # Of what was looked at under a sun it is not known how much the lamps made, and pieces of
         # uneven lamps may be others.
-        mixed = len(sun_numbers(self.scene)) > 0
+        mixed = len(self._sun) > 0
         mixed |= any(lamp.profile is not None for lamp in self.scene.luminaires)
         if other or (dimmed and (moved or mixed or not refiner.light.is_like(mesh.lamps[1]))):
             return refiner.refine(mesh.boxes, 1.0, len(mesh.boxes))[1]
+        if looked is None:
+            return 0.0  # it is one that no light decides on
         if dimmed:
             looked = refiner.relit(mesh.boxes, looked, mesh.lamps[1])
         elif moved:

@@ -298,7 +298,7 @@ class CornerSolver:
         direct = {name: inside(values) for name, values in found.seen.light.direct.items()}
         variance = inside(found.seen.light.variance)
         nothing = np.zeros(len(unknowns))
-        light = Light(direct, variance, nothing, nothing)
+        light = Light(direct, variance, nothing, nothing, direct.get("sun"))
         indirect = {group: inside(values) for group, values in found.indirect.items()}
         n = len(elements)
         nets = self.scene.patches.control_points

@@ -53,17 +53,24 @@ class SeenSky:
         What they were scaled by.
     by_rays : (m,) int array
         Sectors of azimuth that were told by rays.
+    lost : (m,) bool array
+        Receivers that see sky which no direction was found for.
     """
 
     weights: FloatArray
     scale: FloatArray
     by_rays: IntArray
+    lost: NDArray[np.bool_]
 
     @property
     def scaled(self) -> float:
-        """By how much weights were scaled, root mean square over receivers that see any sky."""
-        seen = self.weights.any(axis=1)
-        return float(np.sqrt(np.mean((self.scale[seen] - 1.0) ** 2))) if seen.any() else 0.0
+        """By how much weights were scaled, root mean square over receivers that see any sky.
+
+        Weights that were lost are off by all there is.
+        """
+        seen = self.weights.any(axis=1) | self.lost
+        off = np.where(self.lost, 1.0, self.scale - 1.0)[seen]
+        return float(np.sqrt(np.mean(off**2))) if seen.any() else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +158,8 @@ class OpenSky:
         total = out.sum(axis=1)
         some = (total > NOTHING) & (exact > NOTHING)
         scale = np.where(some, exact / np.where(some, total, 1.0), np.where(exact > NOTHING, 1, 0))
-        return SeenSky(out * scale[:, None], np.asarray(scale), by_rays)
+        lost = (total <= NOTHING) & (exact > NOTHING)
+        return SeenSky(out * scale[:, None], np.asarray(scale), by_rays, lost)
 
     def share(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """Share (k,) of light that panes leave from ``directions`` (k, 3) at points (k, 3)."""

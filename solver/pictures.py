@@ -10,6 +10,7 @@ from .budget import Budget
 from .iterated import Finer
 from .model.result import CameraImage, luminous
 from .solved_field import Field
+from .sun_disc import is_up
 
 if TYPE_CHECKING:
     from .field import FieldSolver
@@ -28,8 +29,9 @@ def render_all(
     images = {}
     with stages.run("images") as tell:
         reflected, irradiance, sun = finer.reflected, finer.light.luminous(), None
-        direct = finer.light.components.get("sun.direct")
-        if scene.sun is not None and direct is not None and direct.any():
+        # What mirrors throw of it stays with the elements.
+        direct = finer.light.sun
+        if scene.sun is not None and direct is not None and field.sees_out and is_up(scene.sun):
             sun = SunInPictures(scene, solver.blockers, trace=solver.trace, bands=solver.bands)
             # Panes keep what they scatter.
             own = field.surfaces.elements.patch_index < scene.opaque_count

@@ -392,7 +392,9 @@ class Kept:
         return None
 
     def _of_mesh(self, budget: Budget) -> tuple[Any, ...]:
-        """What lamps and sky there are decides on cuts, how bright they are is looked at again."""
+        """What lamps and sky there are decides on cuts; how bright they are, and whether and where
+        there is a sun, is looked at again.
+        """
         scene = self.scene
         outside = scene.sky is not None or scene.ground is not None
         lit = scene.luminaire_index >= 0

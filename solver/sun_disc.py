@@ -117,7 +117,7 @@ class DiscLight:
 
         points, normals = writable(points), writable(normals)
         toward = np.array(direction(sun.altitude_deg, sun.azimuth_deg))
-        out, variance = np.zeros((2, len(points)))
+        out, deviation = np.zeros((2, len(points)))
         counters = {"sun_past_curves": 0, "sun_parts": 0}
         for radius, weight in stack_of(sun):
             found = np.empty((len(points), 1))
@@ -133,7 +133,8 @@ class DiscLight:
                     *places, toward, radius, self.blockers, self.smooth, _levels(share), more, parts
                 )
                 found[left, 0] = more[:, 0]
-                variance[left] += weight**2 * more[:, 1]
+                # The same edges cross all discs of a stack: their errors are not independent.
+                deviation[left] += abs(weight) * np.sqrt(more[:, 1])
                 counters["sun_past_curves"] = max(counters["sun_past_curves"], len(left))
                 counters["sun_parts"] += int(parts.sum())
             out += weight * found[:, 0]
@@ -141,7 +142,13 @@ class DiscLight:
             bad = int(np.flatnonzero(~np.isfinite(out))[0])
             raise NumericsError(f"light of the sun at receiver {bad}: not finite")
         level = sun.normal_illuminance_lx
-        return SeenDisc(level * out, level * np.sqrt(variance), counters)
+        return SeenDisc(level * out, level * deviation, counters)
+
+
+def is_up(sun: Sun) -> bool:
+    """Whether the sun shines, any of its disc being above the horizon."""
+    above = sun.altitude_deg > -sun.angular_radius_arcmin / 60.0
+    return above and sun.normal_illuminance_lx > 0.0
 
 
 def stack_of(sun: Sun) -> tuple[tuple[float, float], ...]:

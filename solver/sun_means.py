@@ -57,13 +57,16 @@ def put_sun_means(
     at_node = light[rows].max(axis=1) / color.max()
     nodes = unknowns.receivers.normals[rows, 0] @ toward
     free = sun.normal_illuminance_lx * np.maximum(nodes, 0.0)
-    lit, most = _mean(elements, unknowns.element[rows], parts, LOOKS, sun, sky)
-    # As far as it is lit, or not, all over.
-    even = (np.abs(lit - most) <= _SAME * most) & (np.abs(at_node - free) <= _SAME * free)
+    lit, most, differs = _mean(elements, unknowns.element[rows], parts, LOOKS, sun, sky)
+    # As far as it is lit, behind panes by what they leave, or not, all over.
+    left = free * lit / np.where(most > 0.0, most, 1.0)
+    even = (differs <= _SAME * lit) & (np.abs(at_node - left) <= _SAME * left)
     even |= (lit <= _SAME * most) & (at_node <= _SAME * free)
     some = np.flatnonzero(~even)
     if len(some):
-        found, whole = _mean(elements, unknowns.element[rows[some]], parts[some], POINTS, sun, sky)
+        found, whole, _ = _mean(
+            elements, unknowns.element[rows[some]], parts[some], POINTS, sun, sky
+        )
         light[rows[some]] = found[:, None] * color
         variance[rows[some]] += (_DEVIATION * whole) ** 2
     return len(some)
@@ -78,7 +81,7 @@ def _parts(elements: Elements, unknowns: Unknowns) -> tuple[IntArray, FloatArray
     first = np.searchsorted(unknowns.element, np.arange(len(elements)))
     rank = np.arange(len(unknowns.element)) - first[unknowns.element]
     whole = ~elements.buried.any(axis=1)
-    order = 1 if unknowns.basis is None else len(unknowns.basis.rule)
+    order = unknowns.order
     rows, parts = [np.empty(0, dtype=np.int64)], [np.empty((0, 4))]
     for n in np.unique(count[whole]).tolist():
         side = math.isqrt(n)
@@ -100,8 +103,11 @@ def _parts(elements: Elements, unknowns: Unknowns) -> tuple[IntArray, FloatArray
 
 def _mean(
     elements: Elements, element: IntArray, parts: FloatArray, points: int, sun: Sun, sky: OpenSky
-) -> tuple[FloatArray, FloatArray]:
-    """Mean illuminance (k,) of parts by the sun, and what it is with nothing in the way. [lx]"""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean illuminance (k,) of parts by the sun, and what it is with nothing in the way. [lx]
+
+    Also by how much it differs from one that has the same share of that all over, on average.
+    """
     turn = np.arange(len(parts) * points).reshape(len(parts), points)
     a, b = (np.mod(0.5 + turn * step, 1.0) for step in STEPS)
     u = parts[:, :1] + a * (parts[:, 1:2] - parts[:, :1])
@@ -129,4 +135,7 @@ def _mean(
     lit = keep > 0.0
     keep[lit] = sky.share(where[lit], d[lit])
     level = sun.normal_illuminance_lx
-    return level * (cosine * keep).sum(axis=1), level * cosine.sum(axis=1)
+    lit, most = (cosine * keep).sum(axis=1), cosine.sum(axis=1)
+    share = lit / np.where(most > 0.0, most, 1.0)
+    differs = (cosine * np.abs(keep - share[:, None])).sum(axis=1)
+    return level * lit, level * most, level * differs

@@ -48,6 +48,8 @@ class Unknowns:
         How light varies between the nodes; None where it is constant on every element.
     elements : int
         How many elements there are.
+    order : int
+        Gauss nodes a direction in each piece of an element that has more than one.
     """
 
     element: IntArray
@@ -55,6 +57,7 @@ class Unknowns:
     receivers: Receivers
     basis: Basis | None
     elements: int
+    order: int = 1
     _shares: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -148,7 +151,7 @@ class Unknowns:
     def take(self, rows: IntArray) -> Unknowns:
         """Some of them, to gather light at."""
         element, areas = self.element[rows], self.areas[rows]
-        return Unknowns(element, areas, self.receivers.take(rows), None, self.elements)
+        return Unknowns(element, areas, self.receivers.take(rows), None, self.elements, self.order)
 
     @classmethod
     def _on(
@@ -182,7 +185,7 @@ class Unknowns:
         share = np.ones((len(points), 1))
         patches = elements.patch_index[element]
         receivers = Receivers(points[:, None], normals[:, None], share, patches, element)
-        return cls(element, areas, receivers, basis, len(elements))
+        return cls(element, areas, receivers, basis, len(elements), order)
 
     def __len__(self) -> int:
         return len(self.areas)

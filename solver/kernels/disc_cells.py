@@ -30,6 +30,8 @@ _HALVINGS = 14
 _REACH, _BENT = 0.25, 0.1
 #: Error of a parabola over the area between it and its chord: what is left is of its next term.
 _LEFT_OF_BEND = 0.05
+#: Variance of the share of a square where four places do not tell of an edge in it.
+_ALIKE = 0.0039
 #: Steps of a sequence of evenly spread points: powers of the root of x³ = x + 1, inverted.
 _FIRST, _SECOND = 0.7548776662466927, 0.5698402909980532
 
@@ -152,6 +154,45 @@ def _square(disc, x0, y0, side):
 
 
 @lean
+def _place(x0, y0, side, number, k):
+    """Place in quarter k of a square, the ``number``-th that is looked at.
+
+    Anywhere in it: at fixed places all squares along a wire would err alike.
+    """
+    n = 4.0 * number + k
+    px = x0 + 0.5 * side * ((k % 2) + (_FIRST * n) % 1.0)
+    py = y0 + 0.5 * side * ((k // 2) + (_SECOND * n) % 1.0)
+    return px, py
+
+
+@lean
+def _within(shape, corners, x, y):
+    """Whether a polygon has a place (x, y) in it: a ray from it crosses an odd number of sides."""
+    within = False
+    for k in range(corners):
+        m = (k + 1) % corners
+        ax, ay, bx, by = shape[k, 0], shape[k, 1], shape[m, 0], shape[m, 1]
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            within = not within
+    return within
+
+
+@lean
+def _is_other(shape, corners, x, y, slack, lit):
+    """Whether a place is lit, or not, other than a polygon says, and farther than ``slack`` in it.
+
+    A polygon that has the area of a bent edge is not that edge.
+    """
+    return (
+        lit != _within(shape, corners, x, y)
+        and lit != _within(shape, corners, x - slack, y)
+        and lit != _within(shape, corners, x + slack, y)
+        and lit != _within(shape, corners, x, y - slack)
+        and lit != _within(shape, corners, x, y + slack)
+    )
+
+
+@lean
 def _beside(x0, y0, side, radius):
     """Whether a square lies outside a circle about the origin."""
     x = max(max(x0, -(x0 + side)), 0.0)
@@ -196,8 +237,17 @@ def _disc_light(
             light += polygon_light(disc, _square(disc, x0, y0, side), n, moments)
             continue
         last = level >= deepest
-        if level >= _LEAST and (loose <= 1 or level >= deepest - 1):
+        if level >= _LEAST and (loose <= 1 or last):
             corners, bend = _part(disc, x0, y0, side, origin, blockers, mine, some, last)
+            if corners >= 0 and loose > 1:
+                # There may be other edges between the corners.
+                for k in range(4):
+                    px, py = _place(x0, y0, side, visited, k)
+                    lit = _is_lit(disc, px, py, origin, blockers, mine, some)
+                    if corners >= 0 and _is_other(disc.shape[0], corners, px, py, bend / side, lit):
+                        corners = -1
+                if corners >= 0:
+                    wrong += _ALIKE * side**4
             if corners >= 0:
                 light += polygon_light(disc, corners, n, moments)
                 wrong += (_LEFT_OF_BEND * bend) ** 2
@@ -205,16 +255,13 @@ def _disc_light(
         if last:
             open_ = 0
             for k in range(4):
-                # Anywhere in its quarter: at fixed places all squares along a wire would err alike.
-                number = 4.0 * visited + k
-                px = x0 + 0.5 * side * ((k % 2) + (_FIRST * number) % 1.0)
-                py = y0 + 0.5 * side * ((k // 2) + (_SECOND * number) % 1.0)
+                px, py = _place(x0, y0, side, visited, k)
                 open_ += _is_lit(disc, px, py, origin, blockers, mine, some)
             if open_:
                 all_of_it = polygon_light(disc, _square(disc, x0, y0, side), n, moments)
                 light += 0.25 * open_ * all_of_it
             # As in `pyramid`: four that differ tell an edge, four alike make one unlikely.
-            wrong += (0.03125 if 0 < open_ < 4 else 0.0039) * side**4
+            wrong += (0.03125 if 0 < open_ < 4 else _ALIKE) * side**4
             continue
         half = 0.5 * side
         for k in range(4):

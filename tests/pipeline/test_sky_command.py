@@ -256,10 +256,12 @@ def test_limb_of_the_sun_in_scene_files(folder):
     text += "limb_darkening = true\n"
     scene = load_scene(write(folder, text))
     assert scene.sun == Sun(30.0, 180.0, 1000.0, limb_darkening=True)
-    assert not any("limb" in note for note in scene.freeze().notes)
+    notes = scene.freeze().notes
+    assert any("limb darkening is left out of the means over elements" in note for note in notes)
+    assert not any("limb" in note and "mirrors" in note for note in notes)
     mirror = "[[assign]]\nparts = 'desk'\nmaterial = { reflectance = 0.1, mirror = 0.8 }\n"
     notes = load_scene(write(folder, text + mirror)).freeze().notes
-    assert any("limb darkening is left out" in note for note in notes)
+    assert any("limb darkening" in note and "mirrors" in note for note in notes)
     with pytest.raises(InputError, match=r"sun\.limb_darkening"):
         load_scene(write(folder, text.replace("= true", "= 1")))
 

@@ -9,7 +9,7 @@ from patchlight.solver.budget import Budget
 from patchlight.solver.field import FieldSolver
 from patchlight.solver.iterated import ANYWHERE, weights_at
 from patchlight.solver.mesh import Boxes
-from patchlight.solver.model import CIESky, Ground, Material, PatchSet, Sun
+from patchlight.solver.model import Camera, CIESky, Ground, Material, PatchSet, Sun
 from patchlight.solver.simulation import solve
 from patchlight.solver.stages import Stages
 
@@ -188,6 +188,29 @@ def test_sun_in_a_mirror():
     found = solve(made, accuracy=0.01).sensors["g"].components["sun.direct"]
     lit = 0.9 * 1000.0 * math.sin(math.radians(40.0))
     assert found == pytest.approx([lit, lit, 0.0], rel=1e-4, abs=1e-4)
+
+
+def test_pictures_keep_the_sun_that_mirrors_throw():
+    """Before a mirror on a floor: the sun twice, at each pixel and by the elements.
+
+    The latter is smoothed towards elements about it of which some get less: here by a tenth of all.
+    Without what the mirror throws, half is missing.
+    """
+    floor = rectangle((-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0))
+    mirror = rectangle((-3, 1, 0), (3, 1, 0), (3, 1, 3), (-3, 1, 3))
+    sun = Sun(40.0, 180.0, normal_illuminance_lx=1000.0)
+    # Of the lit y = −2.6 … 1 the middle.
+    above = Camera(
+        (0, -0.6, 5), (0, -0.6, 0), name="above", up=(0, 1, 0), projection="parallel", fov_deg=9.0,
+        size=(8, 8),
+    )  # fmt: skip
+    made = with_materials(
+        setup(floor, mirror), [Material(0.5), Material(0.0, mirror=0.9)], sun=sun, cameras=(above,)
+    )
+    image = solve(made, accuracy=0.05).images["above"]
+    lit = 1.9 * 1000.0 * math.sin(math.radians(40.0))
+    assert image.illuminance_lx == pytest.approx(np.full((8, 8), lit), rel=0.2)
+    assert image.luminance_cd_m2 == pytest.approx(np.full((8, 8), 0.5 * lit / math.pi), rel=0.2)
 
 
 def test_scenes_without_mirrors_pay_nothing():

@@ -9,13 +9,15 @@ import math
 
 import numpy as np
 import pytest
+from patchlight.solver.camera import _TURNS
 from patchlight.solver.model import PatchSet, Sun
 from patchlight.solver.model.sky import direction
 from patchlight.solver.skies import sun_horizontal_illuminance
 from patchlight.solver.sun_disc import DARKENING, DiscLight, stack_of
+from patchlight.solver.sun_pictures import SunInPictures
 from patchlight.solver.topology import make_blockers
 
-from .fixtures_light import UP, Body, ceiling, setup
+from .fixtures_light import UP, Body, ceiling, rectangle, scene, setup
 
 RADIUS = math.radians(16.0 / 60.0)
 DISC = math.sin(RADIUS) ** 2
@@ -248,3 +250,59 @@ def test_partly_below_the_horizon(curved):
         assert level == pytest.approx(sun_horizontal_illuminance(sun), rel=1e-3)
     assert curved == (wall.counters["sun_past_curves"] > 0)
     assert seen([(0.0, 0.0, 0.0)], body, sun=Sun(-0.3, 0.0, 1.0)).illuminance[0] == 0.0
+
+
+@pytest.mark.parametrize("gap", [0.01, 0.02, 0.1])
+@pytest.mark.parametrize("turn", [0.3, 0.77])
+def test_light_between_pipes_is_as_far_off_as_stated(gap, turn):
+    """A slit of some hundredths of the disc's radius, narrower than the smallest part of it."""
+    r, height, thick = math.tan(RADIUS), 20.0, 0.05
+    across = np.array([math.cos(turn), math.sin(turn), 0.0])
+    along, up = np.array([-across[1], across[0], 0.0]), np.array(UP)
+    away = thick + 0.5 * gap * r * height
+    pipes = []
+    for k in (-1, 1):
+        ends = (k * away * across + j * along + height * up for j in (-9, 9))
+        pipes.append(Body(PatchSet.cylinder(*ends, thick)))
+    places = r * height * np.linspace(-0.8, 0.8, 9)
+    found = seen(places[:, None] * across, *pipes)
+
+    def side(middle, way):
+        """Share of the disc on this side of a pipe's edge, seen from each place."""
+        turned = np.arctan2(middle - places, height)
+        turned += way * np.arcsin(thick / np.hypot(middle - places, height))
+        h = np.clip(np.tan(turned) / r, -1.0, 1.0)
+        return 0.5 + (np.arcsin(h) + h * np.sqrt(1.0 - h * h)) / math.pi
+
+    hidden = sum(side(k * away, 1.0) - side(k * away, -1.0) for k in (-1, 1))
+    off = np.abs(found.illuminance - (1.0 - hidden))
+    assert (off < 3.0 * found.deviation + 1e-5).all() and off.max() < 2e-3
+
+
+def pictured(points, body):
+    """Share of the disc that pictures show at points (k, 3), turned as they ask for it, (5, k)."""
+    data = scene(setup(body), sun=HIGH)
+    blockers = setup(body).blockers
+    pictures = SunInPictures(data, blockers, trace=True, bands=1)
+    normals = np.broadcast_to((0.0, 0.0, 1.0), points.shape)
+    return np.stack([pictures.light(points, normals, turn) for turn in (0.0, *_TURNS)])
+
+
+def test_pictures_see_a_bar_before_the_disc_and_a_ball_in_it():
+    """Half as wide as the disc, they may leave all of its rim in sight."""
+    height, r = 2.0, 2.0 * RADIUS
+    bar = rectangle(
+        (-0.5 * r, -1.0, height), (0.5 * r, -1.0, height), (0.5 * r, 1.0, height),
+        (-0.5 * r, 1.0, height),
+    )  # fmt: skip
+    for body in (bar, PatchSet.sphere((0.0, 0.0, height), 0.5 * r)):
+        for turn in (0.0, 0.4, 0.7):
+            at = 2.1 * r * np.linspace(-1.0, 1.0, 43)[:, None] * (np.cos(turn), np.sin(turn), 0.0)
+            exact = share(at, body)
+            assert exact.min() < 0.8 and exact.max() > 0.99
+            found = pictured(at, body)
+            # Some tenth where a shadow lies between the places asked first, 0.03 each of the 32.
+            np.testing.assert_allclose(found, np.broadcast_to(exact, found.shape), atol=0.13)
+            # Half of the turns may miss it.
+            off = np.abs(found[1:].mean(axis=0) - exact)
+            assert off.max() < 0.07 and off.mean() < 0.02

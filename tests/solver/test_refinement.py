@@ -6,10 +6,11 @@ import math
 import numpy as np
 import pytest
 from patchlight.solver.budget import Budget
+from patchlight.solver.direct_light import DirectLight, sun_numbers
 from patchlight.solver.field import FieldSolver
 from patchlight.solver.mesh import Boxes, elements_on
 from patchlight.solver.mesher import Mesher
-from patchlight.solver.model import PatchSet
+from patchlight.solver.model import PatchSet, Sun
 from patchlight.solver.refinement import CUT, Refiner, best_cut
 from patchlight.solver.simulation import solve
 from patchlight.solver.stages import Stages
@@ -415,3 +416,20 @@ def test_a_convex_lamp_does_not_hide_itself():
     boxes, misplaced = mesher.boxes(Budget.of(made, 0.1))
     # Direct light is found to 1e-2 for this.
     assert misplaced <= 0.02 and stages.counters.get("elements_added", 0) == 0
+
+
+def test_no_cuts_for_a_sun_that_does_not_come_in():
+    """No rays are traced in a closed convex room: its walls keep the sun out all the same."""
+    box = Body(ROOM)
+    made = scene(setup(box), sun=Sun(40.0, 200.0, normal_illuminance_lx=80_000.0))
+    blockers = setup(box).blockers
+    assert not len(sun_numbers(made, blockers))
+    light = DirectLight(made, blockers, trace=False)
+    assert not light.at(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.zeros(1, int))[0].any()
+    mesher = Mesher(made, blockers, trace=False, stages=Stages())
+    budget = Budget.of(made, 0.1)
+    assert len(mesher.boxes(budget)[0]) == len(Boxes.regular(budget.divisions, made.two_sided))
+    # The same from outside is a body that the sun shines on.
+    body = Body(ROOM.flipped())
+    outside = scene(setup(body), sun=made.sun)
+    assert len(sun_numbers(outside, setup(body).blockers))

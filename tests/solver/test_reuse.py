@@ -10,7 +10,7 @@ from patchlight.solver.direct_light import DirectLight
 from patchlight.solver.field import FieldSolver
 from patchlight.solver.mesh import Boxes
 from patchlight.solver.mesher import Mesher
-from patchlight.solver.model import CIESky, Ground, Material, PatchSet
+from patchlight.solver.model import CIESky, Ground, Material, PatchSet, Sun
 from patchlight.solver.simulation import solve
 from patchlight.solver.stages import Stages
 from patchlight.solver.topology import make_blockers
@@ -200,6 +200,16 @@ def test_another_sky_is_seen_through_the_same_form_factors(curved):
     assert (pairs_found(again) > 0) == curved
     assert pairs_found(again) <= pairs_found(own)
     assert again.counters["rows_reused"] > 0
+
+
+def test_a_mesh_from_before_the_sun_rose_is_cut_for_it():
+    """Without lamps nothing was looked at then: that is not to say that it is good for any sun."""
+    made = under(CIESky(1))
+    sunny = dataclasses.replace(made, sun=Sun(35.0, 90.0, normal_illuminance_lx=80_000.0))
+    solve(made, accuracy=0.1, cache=True)
+    again, own = solve(sunny, accuracy=0.1, cache=True), solve(sunny, accuracy=0.1)
+    assert own.counters["elements_added"] > 0
+    assert not again.settings["mesh_of_earlier_run"] and same_mesh(again, own)
 
 
 def test_a_brighter_sky_of_the_same_kind_needs_nothing():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from patchlight.pipeline import PatchSet, Scene, SensorGrid
 from patchlight.solver.budget import Budget
+from patchlight.solver.dome_grid import dome_grid
 from patchlight.solver.model.sky import direction
 from patchlight.solver.open_sky import OpenSky
 from patchlight.solver.sun_disc import straight_sided
@@ -132,3 +133,18 @@ def test_which_surfaces_have_straight_sides():
         data = frozen_scene(patches)
         blockers = make_blockers(data.patches, data.closed, data.patches.part_index)
         assert straight_sided(blockers).tolist() == [expected] * len(patches)
+
+
+def test_sky_that_is_lost_counts_as_off_by_all_of_it():
+    """A receiver that no direction is found for, though it is said to see some sky."""
+    roof = sheet((-500, -500, 1), (500, -500, 1), (500, 500, 1), (-500, 500, 1))
+    data = frozen_scene(roof)
+    blockers = make_blockers(data.patches, data.closed, data.patches.part_index)
+    sky, up = OpenSky(data, blockers, trace=True), np.array([UP, UP])
+    free = np.array([(0.0, 0.0, 2.0), (3.0, 0.0, 2.0)])
+    under = np.array([(0.0, 0.0, 2.0), (0.0, 0.0, 1.0 - 1e-3)])
+    grid = dome_grid(2)
+    assert sky.seen(free, up, grid, np.full(2, np.pi)).scaled < 0.02
+    found = sky.seen(under, up, grid, np.array([np.pi, 0.1]))
+    assert found.lost.tolist() == [False, True]
+    assert found.scaled == pytest.approx(np.sqrt(0.5), rel=1e-3)
