@@ -18,7 +18,8 @@ SQUARE = PatchSet.from_bilinear(np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 
 def doubt(height, factor, *, change=0.0, moved=0.0, spread=0.0, far=FAR):
     """Doubt of a point over the middle of a square metre."""
     elements = make_elements(SQUARE, np.zeros(1, bool), np.ones((1, 2), np.int64))
-    finer = SimpleNamespace(moved=np.array([moved]), spread=np.array([spread]))
+    still = np.zeros(1)
+    finer = SimpleNamespace(moved=np.array([moved]), spread=np.array([spread]), sampled_sent=still)
     points, factors = np.array([[0.5, 0.5, height]]), np.array([[factor]])
     return float(doubt_at(points, factors, elements, finer, np.array([change]), far)[0])
 
