@@ -116,7 +116,9 @@ def changed(before, after):
     own = run(after, cache=False)
     lux = first.sensors["points"].illuminance_lx
     assert not np.allclose(lux, own.sensors["points"].illuminance_lx, rtol=1e-3)
-    assert found(own) > 0 and found(again) < found(own)
+    # A mesh that does not do for the new light is made anew, and so are its rows.
+    assert found(own) > 0
+    assert found(again) < found(own) or not again.settings["mesh_of_earlier_run"]
     assert "rows_reused" not in own.counters
     return again, own
 
@@ -150,10 +152,11 @@ PANE = Glass(0.006)
 def test_a_room_behind_glass(before, after):
     plain = {"glass": PANE, "sky": OVERCAST}
     again, own = changed(room(**plain | before), room(**plain | before | after))
-    assert again.counters["rows_reused"] >= again.counters["unknowns"]
     same_light(again, own)
     if not again.settings["mesh_of_earlier_run"]:
-        return  # that did not do for the new light
+        assert "sun" in after  # that did not do for the new light
+        return
+    assert again.counters["rows_reused"] >= again.counters["unknowns"]
     assert again.counters.get("pairs_scanned", 0) == 0
     if "glass" not in after:
         assert "pairs_through_panes" not in again.counters
