@@ -195,9 +195,12 @@ MIRROR = Material(0.1, mirror=0.8)
 def test_a_room_with_a_mirror(before, after):
     plain = {"north": MIRROR, "sky": OVERCAST}
     again, own = changed(room(**plain | before), room(**plain | before | after))
-    assert again.counters["rows_reused"] >= again.counters["unknowns"]
+    # Sun patches may ask for another mesh.
+    taken = again.settings["mesh_of_earlier_run"]
+    assert taken or "sun" in after
+    assert not taken or again.counters["rows_reused"] >= again.counters["unknowns"]
     same_light(again, own)
-    if "rho" in after:
+    if "rho" in after and taken:
         assert own.counters["mirror_rays"] > 0 and "mirror_rays" not in again.counters
 
 
