@@ -55,6 +55,7 @@ def test_a_year_is_measured(tmp_path):
 
     record = json.loads(json.dumps(measure(1, 20, 0.4, 6.0, str(tmp_path))))
     assert record["elements"] >= record["patches"]
-    assert record["peak_bytes"] > record["bytes_before"] and record["told_bytes"] > 0
+    # The process may have taken more before.
+    assert record["peak_bytes"] >= record["bytes_before"] > 0 and record["told_bytes"] > 0
     assert record["mean_lx"] > 10.0 and 0.0 < record["DA300_mean_pct"] < 100.1
     assert (tmp_path / "annual.nc").stat().st_size == record["file_bytes"]
