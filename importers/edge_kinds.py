@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import EDGE_KINDS
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .compare import BoolArray, cross, length
+from .convert import ERRORS
 from .curves import BSpline, Line
 from .extract import Edge, EdgeUse, RawFace
 from .free_edges import Lone, lone_edges
@@ -26,7 +26,6 @@ UNKNOWN, SMOOTH, SHARP, FREE, NON_MANIFOLD, DEGENERATE = range(len(EDGE_KINDS))
 PLACES = np.linspace(0.02, 0.98, 9)
 #: A normal shorter than this share of the longest one along an edge has no direction.
 NO_NORMAL = 1e-8
-ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError)
 
 
 @dataclass(slots=True)

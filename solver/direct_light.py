@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from .emission import Emission
@@ -12,6 +10,7 @@ from .kernels.pyramid import Blockers
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
+from .model.shapes import frames, places_on_disk
 from .model.sky import direction
 from .profile_boxes import cut_evenly
 from .raycast import RayCaster
@@ -131,13 +130,8 @@ class DirectLight:
         """
         if self._caster is None or not len(self._sun):
             return np.ones(len(points))
-        k = np.arange(REFLECTED)
-        out, up = np.sqrt((k + 0.5) / REFLECTED), np.sqrt(1.0 - (k + 0.5) / REFLECTED)
-        turn = math.pi * (3.0 - math.sqrt(5.0)) * k
-        helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-        e1 = np.cross(helper, normals)
-        e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
-        e2 = np.cross(normals, e1)
+        (out, turn), (e1, e2) = places_on_disk(REFLECTED), frames(normals)
+        up = np.sqrt(1.0 - out**2)
         start, met = points + self._lift * normals, np.zeros(len(points))
         for x, y, z in zip(out * np.cos(turn), out * np.sin(turn), up, strict=True):
             met += self._caster.any_hit(start, x * e1 + y * e2 + z * normals)

@@ -34,6 +34,7 @@ from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
 from .moved_elements import kept_elements
+from .open_sky import OpenSky
 from .pane_field import PaneField
 from .radiosity import RadiositySystem
 from .reuse import Kept
@@ -193,12 +194,13 @@ class FieldSolver:
                 factors = self.kept.factors(unknowns, rows, replace(asked, sources=every))
         lamps_see_out = sees_out and self.rows.sees_out(rows, lamps[of] & (unknowns.areas > 0.0))
         light = self._incidence.on(asked, rows, surfaces, unknowns, sees_out=sees_out)
-        averaged: dict[str, FloatArray] = {}
+        averaged: tuple[str, ...] = ()
+        deviation = None
         if told and self.lamp_groups:
             with self.stages.run("direct light"):
                 means, least = MeanLight(self.scene, self.blockers), (AVERAGED * budget.size) ** 2
                 deviation = means.put(light.direct, surfaces, unknowns, least)
-                averaged = dict.fromkeys(self.lamp_groups, deviation)
+                averaged = tuple(self.lamp_groups)
         mirrored = self.mirrors.add(light, rows, surfaces, asked, sees_out)
         if mirrored is not None:
             shared = factors is rows.factors or self.kept.store is not None
@@ -233,6 +235,7 @@ class FieldSolver:
             sent=sent,
             fineness=fineness,
             averaged=averaged,
+            deviation=deviation,
         )
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
@@ -405,6 +408,11 @@ class FieldSolver:
             error = error + PEAKED * luminous(light.components["sky.direct"])
         rules = OF_RULES * asked.budget.fine_eps + ROUNDING
         return np.asarray(error + rules * np.maximum(rest, 0.0))
+
+    @property
+    def open_sky(self) -> OpenSky:
+        """What is open of the sky from anywhere, by rays."""
+        return self._incidence.open_sky
 
     def outside(self, receivers: Receivers, budget: Budget) -> Light:
         """Direct light of sky, sun and ground on any receivers, as at sensors."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -127,7 +128,11 @@ class Incidence:
         self.uneven = UnevenField(scene, blockers, panes, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
         self.disc = DiscLight(blockers, trace=trace)
-        self._open: OpenSky | None = None
+
+    @cached_property
+    def open_sky(self) -> OpenSky:
+        """What is open of the sky from anywhere, by rays."""
+        return OpenSky(self.scene, self.blockers, trace=self.trace)
 
     def on(
         self,
@@ -153,10 +158,8 @@ class Incidence:
         if sun is not None and found is not None and self.trace and sees_out and is_up(sun):
             with self.stages.run("sun"):
                 color = np.ones(1) if self.bands == 1 else cct_to_rgb(sun.cct_k)
-                if self._open is None:
-                    self._open = OpenSky(self.scene, self.blockers, trace=self.trace)
                 count = put_sun_means(
-                    found, light.variance, sun, color, surfaces.elements, unknowns, self._open
+                    found, light.variance, sun, color, surfaces.elements, unknowns, self.open_sky
                 )
                 self.stages.count({"sun_means": count})
         self.add_lamps(light, asked, rows, surfaces, areas=unknowns.areas)

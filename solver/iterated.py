@@ -174,9 +174,10 @@ def finer_light(
     if field.arriving.sun is not None and arriving.sun is not None:
         sun = lift(field.arriving.sun)
         sun[some] = arriving.sun
-    for group, deviation in field.averaged.items():
-        name, at = f"{group}.direct", lift.new[~np.isnan(deviation[chosen])]
-        components[name] = as_much(components[name], told[name], fine.areas, at)
+    if field.deviation is not None:
+        averaged = lift.new[~np.isnan(field.deviation[chosen])]
+        for name in (f"{group}.direct" for group in field.averaged):
+            components[name] = as_much(components[name], told[name], fine.areas, averaged)
     shares, (flux, eps) = [0.0], lamps
     for group, sent_on in flux.items():
         name = f"{group}.direct"

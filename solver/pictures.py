@@ -32,7 +32,7 @@ def render_all(
         # What mirrors throw of it stays with the elements.
         direct = finer.light.sun
         if scene.sun is not None and direct is not None and field.sees_out and is_up(scene.sun):
-            sun = SunInPictures(scene, solver.blockers, trace=solver.trace, bands=solver.bands)
+            sun = SunInPictures(scene, solver.open_sky, bands=solver.bands)
             # Panes keep what they scatter.
             own = field.surfaces.elements.patch_index < scene.opaque_count
             direct = np.where(own[:, None], direct, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -52,10 +52,11 @@ class Field:
         Reflected exitance of the unknowns by light group. [lm/m²]
     fineness : Fineness
         Of the sources.
-    averaged : dict of (n,) arrays
-        By group of lamps whose direct light on elements is the mean over them, told by rays, the
-        standard deviation of that, of all groups together [lx]; NaN where the nodes tell it. What
-        comes by way of mirrors is always told by these.
+    averaged : tuple of str
+        Groups of lamps whose direct light on elements is the mean over them, told by rays. What
+        comes by way of mirrors is told by the nodes.
+    deviation : (n,) array, optional
+        Standard deviation of that of all these groups together [lx]; NaN where the nodes tell it.
     """
 
     surfaces: Surfaces
@@ -72,7 +73,8 @@ class Field:
     arriving: Gathered
     sent: dict[str, FloatArray]
     fineness: Fineness
-    averaged: dict[str, FloatArray] = field(default_factory=dict)
+    averaged: tuple[str, ...] = ()
+    deviation: FloatArray | None = None
 
     @property
     def all_sent(self) -> FloatArray:
@@ -96,9 +98,8 @@ class Field:
     @property
     def sampled(self) -> FloatArray:
         """Standard deviation (n,) of the direct light of lamps where rays tell it. [lx]"""
-        for deviation in self.averaged.values():
-            return np.nan_to_num(deviation)
-        return np.zeros(len(self.surfaces.areas))
+        none = np.zeros(len(self.surfaces.areas))
+        return none if self.deviation is None else np.nan_to_num(self.deviation)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 
 from .budget import Budget
 from .model.arrays import FloatArray, IntArray
+from .model.shapes import frames, places_on_disk
 from .model.sky import Sun, direction
 from .open_sky import OpenSky
 from .sun_disc import DiscLight
@@ -99,12 +100,8 @@ class SunLight:
 
     def _share(self, rows: IntArray, suns: FloatArray, radius: float, places: int) -> FloatArray:
         """Mean share (k,) that panes leave of the disc about ``suns`` (k, 3) at sensors (k,)."""
-        turn = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(places)
-        far = radius * np.sqrt((np.arange(places) + 0.5) / places)
-        helper = np.where(np.abs(suns[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-        e1 = np.cross(helper, suns)
-        e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
-        e2 = np.cross(suns, e1)
+        spread, turn = places_on_disk(places)
+        far, (e1, e2) = radius * spread, frames(suns)
         d = suns[:, None] + (far * np.cos(turn))[:, None] * e1[:, None]
         d += (far * np.sin(turn))[:, None] * e2[:, None]
         d /= np.linalg.norm(d, axis=2, keepdims=True)

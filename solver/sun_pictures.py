@@ -13,10 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
-from .model.shapes import frame
+from .model.shapes import frame, places_on_disk
 from .model.sky import direction
 from .open_sky import OpenSky
 from .shine import Seen
@@ -39,30 +38,24 @@ class SunInPictures:
     ----------
     scene : SceneData
         With a sun.
-    blockers : Blockers
-        Its opaque patches as obstacles.
-    trace : bool
-        Whether anything can hide anything.
+    sky : OpenSky
+        What is open of its sky.
     bands : int
         1 or 3.
     """
 
-    def __init__(self, scene: SceneData, blockers: Blockers, *, trace: bool, bands: int) -> None:
+    def __init__(self, scene: SceneData, sky: OpenSky, *, bands: int) -> None:
         assert scene.sun is not None
-        self.sun = scene.sun
-        self.sky = OpenSky(scene, blockers, trace=trace)
+        self.sun, self.sky = scene.sun, sky
         low, high = scene.patches.bounds()
         self.lift = LIFT * float(np.linalg.norm(high - low))
         toward = np.array(direction(self.sun.altitude_deg, self.sun.azimuth_deg))
         e1, e2, _ = frame(toward)
         radius = math.tan(math.radians(self.sun.angular_radius_arcmin / 60.0))
-        golden = math.pi * (3.0 - math.sqrt(5.0))
+        spread, around = places_on_disk(PLACES)
         step = 2.0 * math.pi / RIM * np.arange(RIM)
-        self._turns = np.concatenate(
-            [step, step + math.pi / RIM, [0.0], golden * np.arange(PLACES)]
-        )
+        self._turns = np.concatenate([step, step + math.pi / RIM, [0.0], around])
         out, inner, middle = np.full(RIM, OUT), np.full(RIM, INNER), [0.0]
-        spread = np.sqrt((np.arange(PLACES) + 0.5) / PLACES)
         self._far = radius * np.concatenate([out, inner, middle, spread])
         self._toward, self._across = toward, (e1, e2)
         color = np.ones(1) if bands == 1 else cct_to_rgb(self.sun.cct_k)

@@ -20,7 +20,7 @@ from .contour import horizon_tolerance
 from .disc_hiding import list_hiding
 from .disc_polygons import make_disc, polygon_light
 from .pyramid import NO_BLOCKER, blocked, make_pyramid, see_blockers
-from .sun_disc import frame
+from .sun_disc import cone_of, frame, meets_cone
 
 #: Quarterings of a square before an edge is looked for in it.
 _LEAST = 2
@@ -294,21 +294,14 @@ def _one(disc, x, n, sun, blockers, smooth, out):
         return 0
     rounding = horizon_tolerance(x)
     see_blockers(blockers, x, n, rounding, shifted, state)
-    count = 0
+    count, cone = 0, np.empty(4)
     for b in range(p):
         if state[b] == NO_BLOCKER:
             continue
-        dx = blockers.spheres[b, 0] - x[0]
-        dy = blockers.spheres[b, 1] - x[1]
-        dz = blockers.spheres[b, 2] - x[2]
-        away = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if away > blockers.spheres[b, 3]:
-            reach = blockers.spheres[b, 3] / away
-            limit = math.sqrt(1.0 - reach * reach) * cosine - reach * sine
-            if (dx * sun[0] + dy * sun[1] + dz * sun[2]) / away < limit:
-                continue
-        listed[count] = b
-        count += 1
+        cone_of(blockers.spheres[b], x, sine, cosine, cone)
+        if meets_cone(cone, sun):
+            listed[count] = b
+            count += 1
     return _disc_light(
         disc, n, rounding, blockers, smooth, shifted, state, listed, count, x, moments, out
     )

@@ -12,7 +12,7 @@ from .compiled import kernel, lean
 from .contour import load_edge
 from .disc_polygons import QUARTERINGS
 from .nets import copy_net, facing_of, halve_u, halve_v, normal_cone
-from .pyramid import FRONT, MIXED, NO_BLOCKER, blocked, outside_pyramid
+from .pyramid import FRONT, MIXED, NO_BLOCKER, all_beyond, blocked, outside_pyramid
 
 #: Points this close to a side plane, relative to their size, count as outside: neighbours touch.
 _TOUCH = 1e-11
@@ -42,12 +42,7 @@ def _edge_outside(planes, s, side, edge):
             mx, my, mz = planes[k, 0], planes[k, 1], planes[k, 2]
             if mx == 0.0 and my == 0.0 and mz == 0.0:
                 continue
-            beside = True
-            for m in range(4):
-                x, y, z = c[m, 0], c[m, 1], c[m, 2]
-                if mx * x + my * y + mz * z > _TOUCH * (abs(x) + abs(y) + abs(z)):
-                    beside = False
-                    break
+            beside = all_beyond(mx, my, mz, c, _TOUCH)
             if beside:
                 break
         if beside:

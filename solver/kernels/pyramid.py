@@ -266,6 +266,16 @@ def outside_pyramid(planes, s):
 
 
 @lean
+def all_beyond(mx, my, mz, c, touch):
+    """Whether control vectors ``c`` (4, 3) lie beyond a plane, but for ``touch`` of their size."""
+    for m in range(4):
+        x, y, z = c[m, 0], c[m, 1], c[m, 2]
+        if mx * x + my * y + mz * z > touch * (abs(x) + abs(y) + abs(z)):
+            return False
+    return True
+
+
+@lean
 def edge_outside(planes, n, rounding, s, side, c, touch):
     """Whether a side of ``s`` lies below the horizon or outside one side plane of the pyramid.
 
@@ -281,13 +291,7 @@ def edge_outside(planes, n, rounding, s, side, c, touch):
         mx, my, mz = planes[k, 0], planes[k, 1], planes[k, 2]
         if mx == 0.0 and my == 0.0 and mz == 0.0:
             continue
-        outside = True
-        for m in range(4):
-            x, y, z = c[m, 0], c[m, 1], c[m, 2]
-            if mx * x + my * y + mz * z > touch * (abs(x) + abs(y) + abs(z)):
-                outside = False
-                break
-        if outside:
+        if all_beyond(mx, my, mz, c, touch):
             return True
     return False
 

@@ -43,6 +43,28 @@ def frame(s, e1, e2):
 
 
 @lean
+def cone_of(sphere, x, sine, cosine, cone):
+    """Direction of the middle of ``sphere`` (4,) from ``x``, and the cosine of how far from it the
+    middle of a disc, of a radius of this ``sine`` and ``cosine``, may be and still meet the sphere.
+
+    ``cone`` (4,) receives both; -1 for the cosine within the sphere.
+    """
+    dx, dy, dz = sphere[0] - x[0], sphere[1] - x[1], sphere[2] - x[2]
+    away = math.sqrt(dx * dx + dy * dy + dz * dz)
+    cone[3] = -1.0
+    if away > sphere[3]:
+        reach = sphere[3] / away
+        cone[0], cone[1], cone[2] = dx / away, dy / away, dz / away
+        cone[3] = math.sqrt(1.0 - reach * reach) * cosine - reach * sine
+
+
+@lean
+def meets_cone(cone, s):
+    """Whether a disc about ``s`` may meet the sphere of ``cone``."""
+    return cone[3] <= -1.0 or cone[0] * s[0] + cone[1] * s[1] + cone[2] * s[2] >= cone[3]
+
+
+@lean
 def side_planes(shifted, planes):
     """Inward planes (4, 3) of the cone that a flat surface with straight sides fills.
 
@@ -263,7 +285,7 @@ def disc_rows(nodes, normals, suns, radius, blockers, straight, trace, out):
     for i in nb.prange(nodes.shape[0]):
         shifted, state = np.empty((p, 4, 4, 4)), np.empty(p, dtype=np.int64)
         planes, usable = np.empty((p, 4, 3)), np.empty(p, dtype=np.bool_)
-        cones, near = np.empty((p, 5)), np.empty(p, dtype=np.int64)
+        cones, near = np.empty((p, 4)), np.empty(p, dtype=np.int64)
         cover = np.empty(p, dtype=np.int64)
         work = (
             np.empty((_LINES, 3)),
@@ -280,18 +302,7 @@ def disc_rows(nodes, normals, suns, radius, blockers, straight, trace, out):
             for b in range(p):
                 if state[b] == NO_BLOCKER:
                     continue
-                dx = blockers.spheres[b, 0] - x[0]
-                dy = blockers.spheres[b, 1] - x[1]
-                dz = blockers.spheres[b, 2] - x[2]
-                away = math.sqrt(dx * dx + dy * dy + dz * dz)
-                # Cosine of the angle within which the disc's middle may meet the sphere.
-                limit = -1.0
-                if away > blockers.spheres[b, 3]:
-                    reach = blockers.spheres[b, 3] / away
-                    limit = math.sqrt(1.0 - reach * reach) * cos_r - reach * sine
-                    cones[listed, 0], cones[listed, 1] = dx / away, dy / away
-                    cones[listed, 2] = dz / away
-                cones[listed, 3] = limit
+                cone_of(blockers.spheres[b], x, sine, cos_r, cones[listed])
                 usable[b] = straight[b] and side_planes(shifted[b], planes[b])
                 near[listed] = b
                 listed += 1
@@ -302,11 +313,7 @@ def disc_rows(nodes, normals, suns, radius, blockers, straight, trace, out):
                 continue
             count = 0
             for c in range(listed):
-                limit = cones[c, 3]
-                if limit > -1.0:
-                    along = cones[c, 0] * s[0] + cones[c, 1] * s[1] + cones[c, 2] * s[2]
-                    if along < limit:
-                        continue
-                cover[count] = near[c]
-                count += 1
+                if meets_cone(cones[c], s):
+                    cover[count] = near[c]
+                    count += 1
             out[i, k] = disc_light(s, n, radius, planes, usable, cover, count, work)

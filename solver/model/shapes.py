@@ -47,6 +47,21 @@ def frame(axis: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     return e1, np.cross(e3, e1), e3
 
 
+def frames(axes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors e1, e2 (n, 3) that with unit ``axes`` (n, 3) are right-handed."""
+    helper = np.where(np.abs(axes[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    e1 = np.cross(helper, axes)
+    e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+    return np.asarray(e1), np.asarray(np.cross(axes, e1))
+
+
+def places_on_disk(count: int) -> tuple[FloatArray, FloatArray]:
+    """Radius and angle [rad] (count,) of places of equal area on the unit disk, spread evenly."""
+    k = np.arange(count, dtype=np.float64)
+    angles = math.pi * (3.0 - math.sqrt(5.0)) * k
+    return np.sqrt((k + 0.5) / count), angles
+
+
 def _placed(nets: FloatArray, center: ArrayLike, axis: ArrayLike) -> FloatArray:
     """Nets given in the frame of ``axis`` moved to ``center``."""
     e1, e2, e3 = frame(axis)

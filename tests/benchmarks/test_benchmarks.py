@@ -13,14 +13,6 @@ FOLDER = Path(__file__).parent
 UP = np.array([0.0, 0.0, 1.0])
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _on_path():
-    """The harness is a folder of scripts, not a package."""
-    sys.path.insert(0, str(FOLDER))
-    yield
-    sys.path.remove(str(FOLDER))
-
-
 def _sum(points, normals, at, outward, weights):
     """Irradiance by a plain sum over source points, all seen."""
     to = at[None] - points[:, None]

@@ -11,14 +11,6 @@ import pytest
 FOLDER = Path(__file__).parent
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _on_path():
-    """The harness is a folder of scripts, not a package."""
-    sys.path.insert(0, str(FOLDER))
-    yield
-    sys.path.remove(str(FOLDER))
-
-
 def test_errors_of_rows_are_those_of_the_light_they_gather():
     from conference_truth import Truth, row_errors, strict_check
 

@@ -2,20 +2,9 @@
 
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-FOLDER = Path(__file__).parent
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _on_path():
-    """The harness is a folder of scripts, not a package."""
-    sys.path.insert(0, str(FOLDER))
-    yield
-    sys.path.remove(str(FOLDER))
 
 
 @pytest.mark.parametrize("side", [1, 3])

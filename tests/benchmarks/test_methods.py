@@ -2,17 +2,8 @@
 
 import json
 import sys
-from pathlib import Path
 
 import pytest
-
-FOLDER = Path(__file__).parent
-
-
-@pytest.fixture(autouse=True)
-def _on_path(monkeypatch):
-    """The harness is a folder of scripts, not a package."""
-    monkeypatch.syspath_prepend(str(FOLDER))
 
 
 @pytest.mark.slow

@@ -1,21 +1,9 @@
 """The harness of years: the hall with windows, weather files, and a run of the smallest."""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-FOLDER = Path(__file__).parent
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _on_path():
-    """The harness is a folder of scripts, not a package."""
-    sys.path.insert(0, str(FOLDER))
-    yield
-    sys.path.remove(str(FOLDER))
 
 
 def test_hall_has_windows():
