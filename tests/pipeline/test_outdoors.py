@@ -20,6 +20,7 @@ from patchlight.pipeline.demo.outdoors import (
 )
 from patchlight.solver import skies
 from patchlight.solver.model.sky import direction
+from patchlight.solver.open_sky import OpenSky
 from patchlight.solver.sun_disc import DiscLight
 from patchlight.solver.sun_pictures import SunInPictures
 from patchlight.solver.topology import make_blockers
@@ -129,7 +130,7 @@ def test_half_shadows_of_pictures(scene):
     points = foot + (BALL / 1000.0 + np.linspace(-0.006, 0.006, 25))[:, None] * side
     normals = np.broadcast_to(s, points.shape)
     exact = DiscLight(blockers, trace=True).at(points, normals, data.sun, 5e-4).illuminance
-    found = SunInPictures(data, blockers, trace=True, bands=1).light(points, normals)
+    found = SunInPictures(data, OpenSky(data, blockers, trace=True), bands=1).light(points, normals)
     level = data.sun.normal_illuminance_lx
     assert exact.min() < 0.01 * level < 0.99 * level < exact.max()
     # 32 places: 0.03 each; beyond the rim's four a tenth.

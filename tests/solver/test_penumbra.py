@@ -12,6 +12,7 @@ import pytest
 from patchlight.solver.camera import _TURNS
 from patchlight.solver.model import PatchSet, Sun
 from patchlight.solver.model.sky import direction
+from patchlight.solver.open_sky import OpenSky
 from patchlight.solver.skies import sun_horizontal_illuminance
 from patchlight.solver.sun_disc import DARKENING, DiscLight, stack_of
 from patchlight.solver.sun_pictures import SunInPictures
@@ -283,7 +284,7 @@ def pictured(points, body):
     """Share of the disc that pictures show at points (k, 3), turned as they ask for it, (5, k)."""
     data = scene(setup(body), sun=HIGH)
     blockers = setup(body).blockers
-    pictures = SunInPictures(data, blockers, trace=True, bands=1)
+    pictures = SunInPictures(data, OpenSky(data, blockers, trace=True), bands=1)
     normals = np.broadcast_to((0.0, 0.0, 1.0), points.shape)
     return np.stack([pictures.light(points, normals, turn) for turn in (0.0, *_TURNS)])
 
