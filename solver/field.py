@@ -14,6 +14,7 @@ from .exchange import ROUNDING, Rows
 from .exchange import products as multiplied
 from .field_rows import FieldRows
 from .field_sources import fineness_of, sources_at_sensors, sources_of
+from .half_hidden import HalfHidden
 from .highlights import Highlights
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
@@ -111,6 +112,7 @@ class FieldSolver:
         self.mirrors = MirrorLight(
             scene, blockers, self.webs, self.bands, trace=ends, kept=self.kept
         )
+        self._half_hidden = HalfHidden(scene, self.kept)
         self.highlights = Highlights(scene, self.mirrors, self.webs, trace=trace, stages=stages)
 
     def solve(self, budget: Budget, boxes: Boxes) -> Field:
@@ -429,7 +431,11 @@ class FieldSolver:
     ) -> list[FloatArray]:
         """Light (m, b), straight and by mirrors, of each of ``sent`` (N, b) by the unknowns."""
         columns = np.concatenate(sent, axis=1)
-        found = self.kept.gather(unknowns, rows, replace(asked, sources=every), columns)
+        of = replace(asked, sources=every)
+        found = self.kept.gather(unknowns, rows, of, columns)
+        if self.trace:
+            how = asked.receivers, every, asked.budget.moments
+            self._half_hidden.add(found, unknowns, rows, *how, columns)
         if mirrored is not None:
             found = found + multiplied(mirrored.rows, unknowns.mean(columns))
         return np.split(found, len(sent), axis=1)

@@ -67,7 +67,7 @@ class Basis(NamedTuple):
 
 
 @lean
-def _exchange(x, n, px, py, pz, ax, ay, az):
+def exchange(x, n, px, py, pz, ax, ay, az):
     """Form factor of a small area vector at a point, without 1/π; 0 where it is not seen."""
     rx, ry, rz = px - x[0], py - x[1], pz - x[2]
     up = n[0] * rx + n[1] * ry + n[2] * rz
@@ -97,7 +97,7 @@ def _from_nodes(x, n, first, last, basis, moments):
     """Moments from the nodes alone."""
     for k in range(first, last):
         p, a = basis.points[k], basis.vectors[k]
-        moments[k - first] = _exchange(x, n, p[0], p[1], p[2], a[0], a[1], a[2])
+        moments[k - first] = exchange(x, n, p[0], p[1], p[2], a[0], a[1], a[2])
 
 
 @lean
@@ -107,7 +107,7 @@ def _from_points(x, n, j, sources, at, count, moments):
     for k in range(count):
         moments[k] = 0.0
     for g in range(at.shape[0]):
-        value = _exchange(
+        value = exchange(
             x,
             n,
             sources.area_point[0, j, g] + origin[0],

@@ -10,6 +10,7 @@ from .c3_room import SURFACES, WORKPLANE
 from .d2_window import CASE as WINDOW
 from .d2_window import CLEAR as CLEAR_WINDOW
 from .f_conference import CASE as CONFERENCE
+from .g_pendant import CASE as PENDANT
 
 CASES = (
     NEAR,
@@ -25,4 +26,5 @@ CASES = (
     WINDOW,
     CLEAR_WINDOW,
     CONFERENCE,
+    PENDANT,
 )

@@ -22,7 +22,7 @@ SEAT, SIDE, CHAIR_LEG, SAG = 0.44, 0.42, 0.04, 0.05
 #: Lamps: middles along x and y, side, distance below the ceiling. [m]
 LAMPS = [(x, y) for y in (1.0, 3.0, 5.0, 7.0) for x in (1.0, 3.0, 5.0, 7.0, 9.0, 11.0)]
 LAMP, BELOW = 0.6, 0.05
-#: Illuminance at the sensors for lamps of radiance 1, from `truth_furnished.py`.
+#: Illuminance at the sensors for lamps of radiance 1, from `truth_by_mitsuba.py`.
 TRUTH = Path(__file__).with_name("f_conference.npy")
 
 
