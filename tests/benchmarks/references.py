@@ -27,8 +27,8 @@ from patchlight.solver.model.arrays import FloatArray
 from shapes import Disk, Patches, Rectangle, Sphere
 from tools.ours import scene_data
 
-#: Relative error of the benchmark's truths that are no closed forms; of F twice its noise, of G twice
-#: how far two bases are apart.
+#: Relative error of the benchmark's truths that are no closed forms; of F twice its noise, of G
+#: twice how far two bases are apart.
 _DOUBT = {"C3": 5e-6, "C3_surf": 1e-4, "D2": 1e-5, "D2_clear": 1e-5, "F": 8e-3, "G": 4e-4}
 
 

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 
 #: What solves in little time at the accuracies asked for.
-QUICK = ("C2_rho50", "C3", "C3_surf", "CIE_5.3", "CIE_5.7", "D2", "D2_clear", "dome", "spheres")
+QUICK = (
+    "C2_rho50",
+    "C3",
+    "C3_surf",
+    "CIE_5.3",
+    "CIE_5.7",
+    "D2",
+    "D2_clear",
+    "G",
+    "dome",
+    "spheres",
+)
 #: Root mean square below which the true error is none to speak of.
 NONE = 1e-6
 
