@@ -25,8 +25,7 @@ NEAR = 2.0
 OF_VARIED = 0.8
 #: Error of indirect light against the share of all light that is lacking or too much: it is not
 #: spread like the rest. Where most is lacking, in rooms with lamps close to the ceiling, sensors
-#: were off by 0.2 to 1.1 of it; below a lamp that shines up and down 30 cm from the ceiling by 1.4
-#: in the mean, and one in six by more than 2.4.
+#: were off by 0.2 to 1.1 of it.
 OF_LACKING = 1.2
 #: Most of all light against that which is indirect: where less is reflected, what the ledger has
 #: wrong is direct light.

@@ -17,7 +17,7 @@ from .topology import writable
 #: Largest turn of tangent or normal over a facet, and over one of a small element. [rad]
 FACET_TURN, SMALL_TURN = math.radians(12.0), math.radians(30.0)
 #: Most facets of an element along u or v.
-MAX_FACETS = 8
+MAX_FACETS = 16
 
 
 def _turns(vectors: FloatArray, axis: int) -> FloatArray:
@@ -31,15 +31,15 @@ def _turns(vectors: FloatArray, axis: int) -> FloatArray:
     return np.asarray(angle.sum(axis=axis).max(axis=1))
 
 
-def facet_counts(nets: FloatArray, size: float = 0.0) -> IntArray:
-    """How many facets (n, 2) each element gets along u and v.
+def facet_counts(nets: FloatArray, size: float = 0.0, turn: float = FACET_TURN) -> IntArray:
+    """How many facets (n, 2) each element gets along u and v; none turns by more than ``turn``.
 
     Elements shorter than ``size`` get fewer: facets leave them by no more than they leave one that
     is so long, but where they turn by `SMALL_TURN`. [m]
     """
     counts = np.ones((len(nets), 2), dtype=np.int64)
     rows = np.flatnonzero(~_flat_and_straight(nets))
-    counts[rows] = _counts_by_turns(nets[rows], size)
+    counts[rows] = _counts_by_turns(nets[rows], size, turn)
     return counts
 
 
@@ -57,7 +57,7 @@ def _flat_and_straight(nets: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(straight & (volume <= 1e-10 * size**3))
 
 
-def _counts_by_turns(nets: FloatArray, size: float) -> IntArray:
+def _counts_by_turns(nets: FloatArray, size: float, turn: float) -> IntArray:
     t = np.linspace(0.0, 1.0, 5)
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     _, su, sv = (a.reshape(len(nets), 5, 5, 3) for a in surface_points(nets, u, v))
@@ -66,8 +66,8 @@ def _counts_by_turns(nets: FloatArray, size: float) -> IntArray:
     turn_v = np.maximum(_turns(sv, 2), 2.0 * _turns(normal, 2))
     long = [np.linalg.norm(d, axis=3).mean(axis=a).max(axis=1) for d, a in ((su, 1), (sv, 2))]
     # A facet of length s and turn t leaves its element by s t / 8.
-    allowed = FACET_TURN * size / np.maximum(np.stack(long, axis=1), 1e-300)
-    allowed = np.clip(allowed, FACET_TURN, SMALL_TURN)
+    allowed = turn * size / np.maximum(np.stack(long, axis=1), 1e-300)
+    allowed = np.clip(allowed, turn, SMALL_TURN)
     counts = np.ceil(np.stack([turn_u, turn_v], axis=1) / allowed - 1e-6)
     return np.asarray(np.clip(counts, 1, MAX_FACETS).astype(np.int64))
 
@@ -78,13 +78,14 @@ def make_facets(
     closed: IntArray,
     solid: IntArray,
     size: float = 0.0,
+    turn: float = FACET_TURN,
 ) -> tuple[Facets, FloatArray]:
     """Facets of all elements, and how far (n,) they leave their element. [m]
 
     Patches that are neither closed nor lit from both sides hide with their backs too: these panels
-    belong to no element. Of ``size`` see `facet_counts`.
+    belong to no element. Of ``size`` and ``turn`` see `facet_counts`.
     """
-    element, boxes = _in_grids(elements, patch_nets, *_facet_boxes(elements, size))
+    element, boxes = _in_grids(elements, patch_nets, *_facet_boxes(elements, size, turn))
     patch = elements.patch_index[element]
     u, v = boxes[:, [0, 1, 1, 0]], boxes[:, [2, 2, 3, 3]]
     keys = np.stack([np.repeat(patch, 4).astype(np.float64), u.ravel(), v.ravel()], axis=1)
@@ -114,9 +115,9 @@ def make_facets(
     return _pack(elements, vertices, corners, element, boxes, closed, solid), lift
 
 
-def _facet_boxes(elements: Elements, size: float) -> tuple[IntArray, FloatArray]:
+def _facet_boxes(elements: Elements, size: float, turn: float) -> tuple[IntArray, FloatArray]:
     """Element (f,) and parameters (f, 4) u0, u1, v0, v1 of every facet, sorted by element."""
-    counts = _alike(elements, facet_counts(elements.nets, size))
+    counts = _alike(elements, facet_counts(elements.nets, size, turn))
     boxes, owner = [], []
     for nu, nv in np.unique(counts, axis=0):
         rows = np.flatnonzero((counts == (nu, nv)).all(axis=1))
