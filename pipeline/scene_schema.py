@@ -22,7 +22,7 @@ from .scene import COLORS
 from .scene_table import Number, Table, Text
 
 Triple = tuple[Number, Number, Number]
-Reflectance = Number | Triple
+Reflectance = Number | Triple | list[tuple[Number, Number]]
 ProfileValues = list[Number] | list[list[Number]] | list[list[list[Number]]]
 
 
@@ -73,7 +73,8 @@ class ModelTable(Table):
 
 
 class MaterialTable(Table):
-    """Opaque surface; its three shares are numbers or linear [r, g, b], 1 together at most."""
+    """Opaque surface; its three shares are numbers, linear [r, g, b], or [[wavelength_nm, value],
+    ...], 1 together at most."""
 
     reflectance: Reflectance = 0.5
     """Diffuse share."""

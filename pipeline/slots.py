@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from patchlight.solver.model import BLACK, Emitter, Glass, Material
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS, Reflectance
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
+from patchlight.solver.model.reflectance import Reflectance
 
 from .assigning import matched_faces, row_offsets
 

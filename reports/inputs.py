@@ -16,7 +16,7 @@ from patchlight.solver.model import (
     SensorResult,
     Sky,
 )
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
 from patchlight.solver.skies import horizontal_illuminance
 
 from . import formats as f

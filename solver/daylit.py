@@ -25,7 +25,7 @@ from .errors import InputError
 from .field import FieldSolver
 from .memory import available_bytes
 from .model.arrays import FloatArray, IntArray
-from .model.optics import LUMINANCE_WEIGHTS
+from .model.bands import LUMINANCE_WEIGHTS
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky, Ground

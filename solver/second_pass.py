@@ -50,9 +50,9 @@ class GlossySides:
         self.exponent = np.ones(index.shape)
         for row, m in enumerate(scene.materials):
             at = index == row
-            all_of_it = m.scattered_bands[:bands]
-            self.specular[at] = m.specular_bands[:bands]
-            self.share[at] = m.specular_bands[:bands] / np.where(all_of_it > 0.0, all_of_it, 1.0)
+            all_of_it = m.scattered_in(bands)
+            self.specular[at] = m.specular_in(bands)
+            self.share[at] = m.specular_in(bands) / np.where(all_of_it > 0.0, all_of_it, 1.0)
             self.exponent[at] = m.exponent
         back = ~np.asarray(scene.two_sided)
         self.specular[back, 1] = self.share[back, 1] = 0.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import InputError
 from .model.arrays import FloatArray, frozen
-from .model.optics import LUMINANCE_WEIGHTS
+from .model.bands import LUMINANCE_WEIGHTS
 
 #: Below it light is Planckian, from it on CIE daylight. [K]
 DAYLIGHT_FROM_K = 4000.0

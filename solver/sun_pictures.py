@@ -62,7 +62,7 @@ class SunInPictures:
         index = scene.material_index
         shares = np.zeros((*index.shape, bands))
         for row, material in enumerate(scene.materials):
-            shares[index == row] = material.scattered_bands[:bands]
+            shares[index == row] = material.scattered_in(bands)
         #: What a side of a patch sends on of 1 lx, as luminance. [cd/(m² lx)]
         self._sent = shares * color / math.pi
 

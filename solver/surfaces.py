@@ -95,7 +95,7 @@ class Surfaces:
         material, lamp = scene.material_index[where], scene.luminaire_index[where]
         rho = np.zeros((len(elements), bands))
         for row, m in enumerate(scene.materials):
-            rho[material == row] = m.scattered_bands[:bands]
+            rho[material == row] = m.scattered_in(bands)
         emitted = np.zeros_like(rho)
         for row, luminaire in enumerate(scene.luminaires):
             color = np.ones(1) if bands == 1 else np.asarray(luminaire.color)

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..errors import InputError
 from .arrays import FloatArray, IntArray
+from .bands import LUMINANCE_WEIGHTS, SPECTRAL
 from .daylight import DaylightShares
 from .elements import Elements
-from .optics import LUMINANCE_WEIGHTS
 from .reprs import result_repr, sensors_repr
 from .scene import SceneData
 from .views import Camera
@@ -23,9 +23,11 @@ UPRIGHT = 1e-6
 
 
 def luminous(values: FloatArray) -> FloatArray:
-    """Photometric value of band values (..., b), b = 1 (grey) or 3 (linear sRGB primaries)."""
+    """Photometric value of band values (..., b), b = 1, 3 or 20; see `bands`."""
     if values.shape[-1] == 1:
         return values[..., 0]
+    if values.shape[-1] == SPECTRAL:
+        return np.asarray(values.sum(axis=-1))
     return np.asarray(values @ np.array(LUMINANCE_WEIGHTS))
 
 
