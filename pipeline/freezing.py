@@ -261,6 +261,7 @@ def _luminaire(
         color=np.asarray(color),
         cct_k=cct,
         power_w=power,
+        spectrum=None if emitter.spectrum is None else tuple(emitter.spectrum),
         web=web,
     )
 

@@ -27,6 +27,11 @@ QUANTITIES = {
     "ERC_avg_percent": ("mean externally reflected component", "%"),
     "IRC_avg_percent": ("mean internally reflected component", "%"),
     "VSC_avg_percent": ("mean vertical sky component", "%"),
+    "EDI_avg_lx": ("mean melanopic equivalent daylight illuminance, modelled", "lx"),
+    "EDI_min_lx": ("lowest melanopic equivalent daylight illuminance, modelled", "lx"),
+    "CCT_avg_K": ("mean correlated colour temperature, modelled", "K"),
+    "Duv_avg": ("mean distance from the Planckian locus, modelled", "1"),
+    "DER_avg": ("mean melanopic daylight efficacy ratio, modelled", "1"),
 }
 
 

@@ -91,6 +91,7 @@ def finite_points(grid: SensorResult) -> SensorResult:
         error_lx=grid.error_lx[keep],
         components={k: np.asarray(v)[keep] for k, v in grid.components.items()},
         daylight=None if grid.daylight is None else grid.daylight.take(np.flatnonzero(keep)),
+        spectral=None if grid.spectral is None else grid.spectral.take(np.flatnonzero(keep)),
     )
 
 

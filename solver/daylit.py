@@ -274,7 +274,7 @@ def bytes_of_sensor(unknowns: int, bands: int) -> int:
 def even_scene(scene: SceneData) -> SceneData:
     """The scene under a sky of luminance 1 cd/m², its lamps dark."""
     return replace(
-        scene,
+        scene.without_spectra,
         sky=CIESky(5, zenith_luminance_cd_m2=1.0, cct_k=SKY_CCT_K),
         sun=None,
         ground=Ground() if scene.ground is None else scene.ground,

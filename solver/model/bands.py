@@ -63,7 +63,7 @@ OBSERVER, MELANOPIC = frozen(_TABLE[:, :3]), frozen(_TABLE[:, 3])
 #: Power of D65 (20,), and reflectances of the linear sRGB primaries (3, 20).
 D65, PRIMARIES = frozen(_TABLE[:, 4]), frozen(_TABLE[:, 5:].T)
 #: Linear sRGB of X, Y, Z. [IEC 61966-2-1]
-_TO_RGB = np.array([
+TO_RGB = np.array([
     [3.2406, -1.5372, -0.4986],
     [-0.9689, 1.8758, 0.0415],
     [0.0557, -0.2040, 1.0570],
@@ -105,7 +105,7 @@ def in_primaries(light: FloatArray) -> FloatArray:
 
     What lies outside the gamut is brought back by setting negative values to 0.
     """
-    rgb = np.maximum(tristimulus(light) @ _TO_RGB.T, 0.0)
+    rgb = np.maximum(tristimulus(light) @ TO_RGB.T, 0.0)
     told = rgb @ np.array(LUMINANCE_WEIGHTS)
     level = light.sum(axis=-1) / np.where(told > 0.0, told, 1.0)
     return np.asarray(rgb * level[..., None])
@@ -119,5 +119,5 @@ def spectral_reflectance(rgb: ArrayLike) -> FloatArray:
 def primary_reflectance(reflectance: FloatArray) -> FloatArray:
     """Linear sRGB (..., 3) of a reflectance (..., 20): what it makes of D65, 0 to 1."""
     light = luminous_shares(D65)
-    seen = tristimulus(reflectance * light) @ _TO_RGB.T
-    return np.asarray(np.clip(seen / (tristimulus(light) @ _TO_RGB.T), 0.0, 1.0))
+    seen = tristimulus(reflectance * light) @ TO_RGB.T
+    return np.asarray(np.clip(seen / (tristimulus(light) @ TO_RGB.T), 0.0, 1.0))
