@@ -120,6 +120,20 @@ def daylight_rows(grid: SensorResult) -> list[dict[str, str]]:
     ]
 
 
+def spectral_rows(grid: SensorResult) -> list[dict[str, str]]:
+    """Colour temperature and melanopic values, where they were asked for and there are any."""
+    values, errors = grid_metrics(finite_points(grid))
+    names = ("CCT_avg_K", "Duv_avg", "EDI_avg_lx", "EDI_min_lx", "DER_avg")
+    rows = []
+    for key in names:
+        if key in values:
+            quantity, unit = QUANTITIES[key]
+            text = f.with_error(values[key], errors.get(key))
+            name = quantity.removesuffix(", modelled")
+            rows.append({"name": name, "value": text if unit == "1" else f"{text} {unit}"})
+    return rows
+
+
 def component_rows(grid: SensorResult) -> list[dict[str, str]]:
     """Mean direct and indirect illuminance by light group. [lx]"""
     grid = finite_points(grid)

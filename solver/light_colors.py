@@ -30,8 +30,11 @@ if TYPE_CHECKING:
     from .open_sky import OpenSky
 
 #: Cells that tell the colour of the sky on elements, at sensors and on level ground, as `dome_grid`
-#: has them.
-ELEMENT_PARTS, SENSOR_PARTS, LEVEL_PARTS = 1, 2, 4
+#: has them: the colour temperature of a clear sky is good to 1 % and to 0.2 %, which is less than
+#: what models of it differ by.
+ELEMENT_PARTS, SENSOR_PARTS, LEVEL_PARTS = 2, 4, 4
+#: Receivers that are done at a time: their weights take 20 MB.
+BLOCK = 1024
 
 
 def lamp_color(lamp: Luminaire, bands: int) -> FloatArray:
@@ -112,11 +115,14 @@ class LightColors:
         """
         sky, grid = self.scene.sky, dome_grid(parts)
         assert sky is not None
-        seen = open_sky.seen(points, normals, grid, np.ones(len(points)))
+        of_cells = self._weights(sky, grid)
         out = np.broadcast_to(self.sky, (len(points), self.bands)).copy()
-        weights = seen.weights @ self._weights(sky, grid)
-        told = weights[:, 0] > 0.0
-        out[told] = self._of(weights[told])
+        for start in range(0, len(points), BLOCK):
+            rows = np.arange(start, min(start + BLOCK, len(points)))
+            seen = open_sky.seen(points[rows], normals[rows], grid, np.ones(len(rows)))
+            weights = seen.weights @ of_cells
+            told = weights[:, 0] > 0.0
+            out[rows[told]] = self._of(weights[told])
         return out
 
     @staticmethod
