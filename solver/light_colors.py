@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from .open_sky import OpenSky
 
 #: Cells that tell the colour of the sky on elements, at sensors and on level ground, as `dome_grid`
-#: has them: the colour temperature of a clear sky is good to 1 % and to 0.2 %, which is less than
+#: has them: the colour temperature of a clear sky is good to 2 % and to 0.5 %, which is less than
 #: what models of it differ by.
-ELEMENT_PARTS, SENSOR_PARTS, LEVEL_PARTS = 2, 4, 4
-#: Receivers that are done at a time: their weights take 20 MB.
+ELEMENT_PARTS, SENSOR_PARTS, LEVEL_PARTS = 1, 2, 4
+#: Receivers that are done at a time: their weights take 5 MB.
 BLOCK = 1024
 
 

@@ -20,7 +20,7 @@ class SpectralLight:
 
     What is stated as error is the most that a value changes when the numerical error of the
     illuminance is light of one of the groups, direct or indirect. Spectra of sky, sun, lamps and
-    surfaces are taken as given or modelled.
+    surfaces are taken as given or modelled, and 20 bands as what is known of them.
 
     Attributes
     ----------
