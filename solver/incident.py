@@ -239,11 +239,11 @@ class Incidence:
                 stages.skipped[name] = "nothing sees out of the scene"
                 light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
                 continue
-            color = self._color(name, receivers, scanned is not None)
             if scanned is not None and name != "sun":
                 column, spread = (0, 3) if name == "sky" else (2, 4)
                 brightness = np.pi * (1.0 if isinstance(luminance, Sky) else luminance)
-                light.direct[name] = brightness * scanned[:, column, None] * color
+                lux = brightness * scanned[:, column]
+                light.direct[name] = lux[:, None] * self._color(name, receivers, lux, True)
                 light.variance += brightness**2 * scanned[:, spread]
                 continue
             found: DomeLight | SeenDisc
@@ -255,27 +255,33 @@ class Incidence:
                         cell_eps = budget.sensor_dome_cell_eps
                         outside = self._outside(receivers, budget.eps, cell_eps, tell, level > 0.0)
                     found = outside.sky if name == "sky" else outside.ground.times(level)
-            light.direct[name] = found.illuminance[:, None] * color
+            lux = found.illuminance
+            light.direct[name] = lux[:, None] * self._color(name, receivers, lux, False)
             light.variance += found.deviation**2
             if isinstance(found, DomeLight):
                 light.outside += found.factor
                 light.outside_variance += found.factor_variance
         return light
 
-    def _color(self, name: str, receivers: Receivers, on_elements: bool) -> FloatArray:
-        """Colour (b,) of the light of sky, sun or ground, or (m, b) where it differs."""
+    def _color(
+        self, name: str, receivers: Receivers, lux: FloatArray, on_elements: bool
+    ) -> FloatArray:
+        """Colour (b,) of the light (m,) of sky, sun or ground, or (m, b) where it differs."""
         if name != "sky" or not self.colors.sky_varies:
             return np.asarray(getattr(self.colors, name))
 
         def find() -> FloatArray:
-            # Of elements with several nodes the one that stands for most.
-            node = receivers.weights.argmax(axis=1)
-            rows, parts = np.arange(len(node)), ELEMENT_PARTS if on_elements else SENSOR_PARTS
+            out = np.broadcast_to(self.colors.sky, (len(lit), self.bands)).copy()
+            rows, parts = np.flatnonzero(lit), ELEMENT_PARTS if on_elements else SENSOR_PARTS
+            # Of receivers with several nodes the one that stands for most.
+            node = receivers.weights[rows].argmax(axis=1)
             at = receivers.nodes[rows, node], receivers.normals[rows, node]
             with self.stages.run("colour of the sky"):
-                return self.colors.sky_at(self.open_sky, *at, parts)
+                out[rows] = self.colors.sky_at(self.open_sky, *at, parts)
+            return out
 
-        of = (receivers, self.scene.sky, self.scene.glazings, self.bands, on_elements)
+        lit = lux > 0.0
+        of = (receivers, lit, self.scene.sky, self.scene.glazings, self.bands, on_elements)
         return self.kept.find("colour of the sky", of, find)
 
     def _sun(
@@ -320,7 +326,8 @@ class Incidence:
         with self.stages.run("light through panes") as tell:
             found = self._daylight(receivers, budget, tell, on_elements=on_elements)
         for name, lux in found.illuminance.items():
-            light.direct[name] = lux[:, None] * self._color(name, receivers, on_elements)
+            color = self._color(name, receivers, lux, on_elements)
+            light.direct[name] = lux[:, None] * color
         light.variance += found.variance
         light.outside += found.outside
         light.outside_variance += found.outside_variance

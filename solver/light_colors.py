@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 #: has them: the colour temperature of a clear sky is good to 2 % and to 0.5 %, which is less than
 #: what models of it differ by.
 ELEMENT_PARTS, SENSOR_PARTS, LEVEL_PARTS = 1, 2, 4
+#: Rays a direction of each cell where curved surfaces may hide something.
+FINER = 2
 #: Receivers that are done at a time: their weights take 5 MB.
 BLOCK = 1024
 
@@ -91,11 +93,9 @@ class LightColors:
     def ground(self) -> FloatArray:
         """Colour (b,) of the grey ground, which is that of the light on it."""
         sky, sun = self.scene.sky, self.scene.sun
-        light = np.zeros(self.bands)
-        if sky is not None:
-            light = light + horizontal_illuminance(sky) * self.sky
-        if sun is not None:
-            light = light + sun_horizontal_illuminance(sun) * self.sun
+        if sky is None or sun is None:
+            return self.sun if sky is None else self.sky
+        light = horizontal_illuminance(sky) * self.sky + sun_horizontal_illuminance(sun) * self.sun
         level = float(luminous(light))
         return light / level if level > 0.0 else np.ones(self.bands)
 
@@ -119,7 +119,7 @@ class LightColors:
         out = np.broadcast_to(self.sky, (len(points), self.bands)).copy()
         for start in range(0, len(points), BLOCK):
             rows = np.arange(start, min(start + BLOCK, len(points)))
-            seen = open_sky.seen(points[rows], normals[rows], grid, np.ones(len(rows)))
+            seen = open_sky.seen(points[rows], normals[rows], grid, np.ones(len(rows)), FINER)
             weights = seen.weights @ of_cells
             told = weights[:, 0] > 0.0
             out[rows[told]] = self._of(weights[told])
