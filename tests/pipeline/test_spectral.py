@@ -80,22 +80,29 @@ def test_grey_rooms_have_the_illuminance_of_one_band():
 
 
 @pytest.mark.parametrize(
-    ("cct_k", "ratio"), [(6504.0, 1.0), (2855.5, 0.496)], ids=["D65", "illuminant A"]
+    ("light", "cct_k", "ratio"),
+    [
+        ({"cct_k": 6504.0}, 6504.0, 1.0),
+        ({"cct_k": 2855.5}, 2855.5, 0.496),
+        ({"spectrum": [(300, 1), (900, 1)]}, 5455.0, 0.906),
+    ],
+    ids=["D65", "illuminant A", "equal energy"],
 )
-def test_grey_rooms_keep_the_colour_of_light(cct_k, ratio):
+def test_grey_rooms_keep_the_colour_of_light(light, cct_k, ratio):
     """0.1 % of twenty bands; the ratios are those of CIE S 026, to their printed digits."""
     scene = Scene()
     scene.add(PatchSet.box((4, 4, 3), inward=True), "room")
     scene.assign("room", Material(0.7))
     scene.add(PatchSet.disk((0, 0, 1.4), 0.3, (0, 0, -1)), "lamp")
-    scene.assign("lamp", Emitter(2000, cct_k=cct_k))
+    scene.assign("lamp", Emitter(2000, **light))
     scene.add(grid([(1, 1, -0.7), (-1.5, 0, 0.5)], (0, -1, 0)))
     found = solved(scene).sensors["g"].spectral
     assert found.cct_k == pytest.approx(cct_k, rel=1e-3)
     assert found.melanopic_der == pytest.approx(ratio, abs=5e-4)
     assert found.cct_error_k == pytest.approx(0.0, abs=1e-6)
-    light = cct_color(cct_k, 20)
-    assert chromaticity(light) == pytest.approx(found.chromaticity[0], abs=1e-9)
+    if "cct_k" in light:
+        known = chromaticity(cct_color(cct_k, 20))
+        assert found.chromaticity == pytest.approx(np.tile(known, (2, 1)), abs=1e-9)
 
 
 def test_sphere_of_saturated_walls_has_its_closed_form_in_each_band():
@@ -178,6 +185,22 @@ def test_colour_of_the_sky_reaches_the_room_and_not_its_level():
     # Glass is grey: behind it the sky is darker than the lamp, of 3000 K, but not less blue.
     assert (behind.spectral.cct_k < found.spectral.cct_k).all()
     assert (behind.spectral.cct_k > a.spectral.cct_k).all()
+
+
+def test_skies_have_the_same_colour_in_three_bands_and_in_twenty():
+    """Direct light of a modelled sky on the elements of a coloured room."""
+    found = {}
+    for spectral in (False, True):
+        scene = lit_room(spectral, (0.7, 0.5, 0.3), sky=CIESky(12, **CLEAR, color="preetham"))
+        result = solved(scene, accuracy=0.05)
+        assert result.settings["bands"] == (20 if spectral else 3)
+        found[spectral] = result.components["sky.direct"]
+    lit = found[True].sum(axis=1) > 1.0
+    rgb = b.in_primaries(found[True][lit])
+    # sRGB is told to four digits, and its primaries by another rule over wavelength.
+    assert found[False][lit] == pytest.approx(rgb, rel=1e-2)
+    blue = found[False][lit] / found[False][lit].sum(axis=1)[:, None]
+    assert np.ptp(blue[:, 2]) > 0.02  # other walls see other parts of it
 
 
 def test_the_sun_is_modelled_by_its_altitude():
@@ -312,3 +335,14 @@ min = 1
     )
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "mean correlated colour temperature" in text and "modelled in 20 bands" in text
+
+
+def test_reports_name_the_models_of_colour():
+    from patchlight.pipeline.freezing import frozen_scene
+    from patchlight.reports.inputs import light_facts
+
+    sun = Sun(40.0, 150.0, normal_illuminance_lx=60_000.0, color="spectrl2")
+    scene = lit_room(True, sky=CIESky(12, **CLEAR, color="chain"), sun=sun)
+    facts = dict(light_facts(frozen_scene(scene)))
+    assert "colour by direction modelled (Chain et al. 1999" in facts["Sky"]
+    assert "colour by altitude modelled (Bird and Riordan 1986" in facts["Sun"]
