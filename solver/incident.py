@@ -281,8 +281,10 @@ class Incidence:
             return out
 
         lit = lux > 0.0
-        of = (receivers, lit, self.scene.sky, self.scene.glazings, self.bands, on_elements)
-        return self.kept.find("colour of the sky", of, find)
+        scene = self.scene
+        of = (receivers, lit, scene.sky, self.bands, on_elements)
+        glass = (scene.glazings, scene.glass_index)
+        return self.kept.find("colour of the sky", (*of, *glass), find)
 
     def _sun(
         self, sun: Sun, receivers: Receivers, budget: Budget, tell: Callable[[int, int], None]
