@@ -53,8 +53,9 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
     with problems.under():
         check_sun(scene.sky, scene.sun)
     beside = scene.daylight_factor is not None
+    spectral = [name for name, grid in scene.grids.items() if grid.spectral]
     asked = (
-        r.problem(scene.grids, scene.sky, scene.sun, daylight_factor=beside)
+        r.problem(scene.grids, scene.sky, scene.sun, daylight_factor=beside, spectral=spectral)
         for r in scene.requirements
     )
     problems.add(text for text in asked if text)
@@ -261,6 +262,7 @@ def _luminaire(
         color=np.asarray(color),
         cct_k=cct,
         power_w=power,
+        spectrum=None if emitter.spectrum is None else tuple(emitter.spectrum),
         web=web,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,27 +55,41 @@ class SensorGrid:
         Key of the result and name of the file.
     quantity : {"planar"}
         Illuminance on the plane of the sensor.
+    spectral : bool
+        Whether colour temperature and melanopic values are asked for, too: light is then found in
+        20 bands of wavelength.
     """
 
     name: str
     rule: Sensors | PlaneRule | FaceRule
+    spectral: bool
 
     def __init__(
-        self, points: ArrayLike, normals: ArrayLike, *, name: str, quantity: str = "planar"
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        *,
+        name: str,
+        quantity: str = "planar",
+        spectral: bool = False,
     ) -> None:
         given = np.atleast_2d(np.asarray(points, dtype=np.float64))
         if not given.size:
             raise InputError(f"sensor grid {name!r}: has no points, at least 1 is needed")
-        self._set(name, Sensors(name, given, np.asarray(normals, float), quantity=quantity))
+        rule = Sensors(name, given, np.asarray(normals, float), quantity=quantity)
+        self._set(name, rule, spectral)
 
-    def _set(self, name: str, rule: Sensors | PlaneRule | FaceRule) -> None:
+    def _set(self, name: str, rule: Sensors | PlaneRule | FaceRule, spectral: bool) -> None:
+        if not isinstance(spectral, bool):
+            raise InputError(f"sensors {name!r}: spectral = {spectral!r}: must be True or False")
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "rule", rule)
+        object.__setattr__(self, "spectral", spectral)
 
     @classmethod
-    def _of(cls, name: str, rule: Sensors | PlaneRule | FaceRule) -> SensorGrid:
+    def _of(cls, name: str, rule: PlaneRule | FaceRule, spectral: bool) -> SensorGrid:
         grid = object.__new__(cls)
-        grid._set(name, rule)
+        grid._set(name, rule, spectral)
         return grid
 
     @classmethod
@@ -90,6 +104,7 @@ class SensorGrid:
         bounds: Bounds | None = None,
         normal: ArrayLike = (0.0, 0.0, 1.0),
         quantity: str = "planar",
+        spectral: bool = False,
     ) -> SensorGrid:
         """Equal cells on the horizontal plane at height ``z``.
 
@@ -114,6 +129,8 @@ class SensorGrid:
             Rectangle instead of a floor. [m]
         normal : (3,)
             Direction the sensors face.
+        spectral : bool
+            Whether colour temperature and melanopic values are asked for, too.
         """
         what = f"sensors {name!r}"
         _check_quantity(what, quantity)
@@ -137,11 +154,17 @@ class SensorGrid:
         n = unit_vector(f"{what}: normal", normal)
         direction = (float(n[0]), float(n[1]), float(n[2]))
         rule = PlaneRule(float(z), spacing, float(margin), over, bounds, direction)
-        return cls._of(name, rule)
+        return cls._of(name, rule, spectral)
 
     @classmethod
     def on_faces(
-        cls, name: str, pattern: str, *, spacing: float = 0.5, faces: str | None = None
+        cls,
+        name: str,
+        pattern: str,
+        *,
+        spacing: float = 0.5,
+        faces: str | None = None,
+        spectral: bool = False,
     ) -> SensorGrid:
         """Sensors on the active side of faces, looking along their normals.
 
@@ -152,9 +175,11 @@ class SensorGrid:
         ----------
         pattern, faces : str
             Parts and faces, as for `Scene.assign`.
+        spectral : bool
+            Whether colour temperature and melanopic values are asked for, too.
         """
         _check_spacing(f"sensors {name!r}", spacing)
-        return cls._of(name, FaceRule(pattern, float(spacing), faces))
+        return cls._of(name, FaceRule(pattern, float(spacing), faces), spectral)
 
 
 def _check_quantity(what: str, quantity: str) -> None:
@@ -204,7 +229,8 @@ def resolved_sensors(
                 else:
                     sensors, more = sensors_on_faces(name, rule, scene, view)
                 notes += more
-            found.append(_in_world(scene, name, sensors))
+            spectral = grid.spectral
+            found.append(_in_world(scene, name, replace(sensors, spectral=spectral)))
     return tuple(found), tuple(notes)
 
 
@@ -216,4 +242,5 @@ def _in_world(scene: Scene, name: str, sensors: Sensors) -> Sensors:
         sensors.area_m2,
         sensors.quantity,
         tuple(transformed_points(scene.north, loop) for loop in sensors.outline),
+        sensors.spectral,
     )

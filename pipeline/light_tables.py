@@ -66,6 +66,8 @@ class SkyTable(Table):
     time: Moment | None = None
     """weather: a time with its offset, or in local standard time, as the file has it."""
     cct_k: Number = 6500.0
+    color: Literal["constant", "chain", "preetham"] = "constant"
+    """Where light has a colour: cct_k everywhere, or modelled by direction."""
 
     def build(self) -> None:
         """Nothing yet: the position of the sun may stand in [sun]."""
@@ -94,12 +96,14 @@ class SkyTable(Table):
             weather = read_weather(folder / str(self.file))
             found, _, told = sky_at(weather, self.time)
             remarks = (f"the sky is that of {weather.place}: {told}", *weather.remarks)
-            return dataclasses.replace(found, cct_k=self.cct_k), remarks
+            return dataclasses.replace(found, cct_k=self.cct_k, color=self.color), remarks
         own_sun = self.sun_altitude_deg is not None or self.sun_azimuth_deg is not None
         if self.model == "patches":
             from patchlight.importers import read_patch_sky
 
-            return read_patch_sky(folder / str(self.file), **values), ()
+            color = values.pop("color", "constant")
+            patches = read_patch_sky(folder / str(self.file), **values)
+            return dataclasses.replace(patches, color=color), ()
         if sun is not None and not own_sun:
             values["sun_altitude_deg"] = min(90.0, max(0.0, sun.altitude_deg))
             values["sun_azimuth_deg"] = sun.azimuth_deg
@@ -124,6 +128,8 @@ class SunTable(Table):
     """That which [sky] tells when none is given: of model perez, or with estimated = true. [lx]"""
     angular_radius_arcmin: Number = 16.0
     cct_k: Number = 5500.0
+    color: Literal["constant", "spectrl2"] = "constant"
+    """Where light has a colour: cct_k, or modelled by the altitude."""
     limb_darkening: StrictBool = False
     """Whether the disc is darker towards its rim, as the sun is at 550 nm."""
 

@@ -15,6 +15,8 @@ DAYLIGHT_METRICS = frozenset({
     "DF_avg_percent", "DF_median_percent", "SC_avg_percent", "ERC_avg_percent", "IRC_avg_percent",
     "VSC_avg_percent",
 })  # fmt: skip
+#: Metrics of light that is told by wavelength.
+SPECTRAL_METRICS = frozenset({"EDI_avg_lx", "EDI_min_lx", "CCT_avg_K", "Duv_avg", "DER_avg"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +52,12 @@ class Requirement:
         sun: Sun | None,
         *,
         daylight_factor: bool = False,
+        spectral: Collection[str] = (),
     ) -> str:
         """Why a scene with these grids and this light has no such value; empty when it has.
 
-        With ``daylight_factor`` those are found beside the light of the scene.
+        With ``daylight_factor`` those are found beside the light of the scene; of the grids
+        ``spectral`` the light is told by wavelength.
         """
         if self.sensors not in grids:
             return f"requirement on {unknown_grid(self.sensors, grids)}"
@@ -62,6 +66,11 @@ class Requirement:
             return (
                 f"requirement on {self.sensors!r} {self.metric}: daylight factors need "
                 "daylight_factor = true, or an overcast sky (type 1 or 16) without a sun"
+            )
+        if self.metric in SPECTRAL_METRICS and self.sensors not in spectral:
+            return (
+                f"requirement on {self.sensors!r} {self.metric}: colour and melanopic values need "
+                "spectral = true in its [[sensors]]"
             )
         return ""
 

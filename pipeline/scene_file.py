@@ -221,7 +221,14 @@ def _light_problems(values: dict[str, Any], grids: list[str], folder: Path) -> l
         except ValidationError:
             continue  # reported with its key
         beside = bool(values.get("daylight_factor"))
-        lit = asked.problem([asked.sensors, *grids], sky, lit_by, daylight_factor=beside)
+        spectral = [t.get("name") for t in _tables(values, "sensors") if t.get("spectral") is True]
+        lit = asked.problem(
+            [asked.sensors, *grids],
+            sky,
+            lit_by,
+            daylight_factor=beside,
+            spectral=[str(name) for name in spectral],
+        )
         if lit:
             problems.append(f"requirements[{k}]: {lit}")
     return problems

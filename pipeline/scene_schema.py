@@ -22,7 +22,7 @@ from .scene import COLORS
 from .scene_table import Number, Table, Text
 
 Triple = tuple[Number, Number, Number]
-Reflectance = Number | Triple
+Reflectance = Number | Triple | list[tuple[Number, Number]]
 ProfileValues = list[Number] | list[list[Number]] | list[list[list[Number]]]
 
 
@@ -73,7 +73,8 @@ class ModelTable(Table):
 
 
 class MaterialTable(Table):
-    """Opaque surface; its three shares are numbers or linear [r, g, b], 1 together at most."""
+    """Opaque surface; its three shares are numbers, linear [r, g, b], or [[wavelength_nm, value],
+    ...], 1 together at most."""
 
     reflectance: Reflectance = 0.5
     """Diffuse share."""
@@ -203,6 +204,8 @@ class SensorsTable(Table):
     normal: Triple | None = None
     """Direction the sensors face; up when not given."""
     quantity: Literal["planar"] = "planar"
+    spectral: StrictBool = False
+    """Whether colour temperature and melanopic values are asked for: light in 20 bands."""
 
     def build(self) -> SensorGrid:
         """The grid."""
@@ -221,14 +224,18 @@ class SensorsTable(Table):
             raise ValueError(f"{', '.join(wrong)}: not used together with {form}")
         normal = self.normal or (0.0, 0.0, 1.0)
         if self.points_m is not None:
-            return SensorGrid(self.points_m, normal, name=self.name)
+            return SensorGrid(self.points_m, normal, name=self.name, spectral=self.spectral)
         if self.spacing_m is None:
             self.spacing_m = 0.5
         if self.parts is not None:
             if isinstance(self.spacing_m, str):
                 raise ValueError("spacing_m: must be a number for sensors on faces")
             return SensorGrid.on_faces(
-                self.name, self.parts, spacing=self.spacing_m, faces=self.faces
+                self.name,
+                self.parts,
+                spacing=self.spacing_m,
+                faces=self.faces,
+                spectral=self.spectral,
             )
         return SensorGrid.on_plane(
             self.name,
@@ -238,6 +245,7 @@ class SensorsTable(Table):
             over=self.over,
             bounds=self.bounds_m,
             normal=normal,
+            spectral=self.spectral,
         )
 
 

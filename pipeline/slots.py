@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from patchlight.solver.model import BLACK, Emitter, Glass, Material
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS, Reflectance
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
+from patchlight.solver.model.reflectance import Reflectance
 
 from .assigning import matched_faces, row_offsets
 
@@ -115,6 +116,9 @@ def _named(material: Material) -> Material:
 
 
 def _shares(grey: str, rgb: str, r: Reflectance) -> str:
+    if np.ndim(r) == 2:
+        low, high = (pair[0] for pair in (r[0], r[-1]))  # type: ignore[index]
+        return f"spectrum {low:g} to {high:g} nm"
     values = (grey, f"{r:g}") if isinstance(r, float) else (rgb, *(f"{x:g}" for x in r))
     return " ".join(text for text in values if text)
 

@@ -15,8 +15,9 @@ from patchlight.solver.model import (
     SceneData,
     SensorResult,
     Sky,
+    Sun,
 )
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
 from patchlight.solver.skies import horizontal_illuminance
 
 from . import formats as f
@@ -42,6 +43,13 @@ SKY_TYPES = {
 }
 
 
+#: Models of the colour of the sky, as reports name them.
+SKY_COLOR_MODELS = {
+    "chain": "Chain et al. 1999, by luminance",
+    "preetham": "Preetham et al. 1999, clear sky",
+}
+
+
 def sky_text(sky: Sky | None) -> str:
     """Sky model and its absolute level."""
     if sky is None:
@@ -52,7 +60,7 @@ def sky_text(sky: Sky | None) -> str:
             f"and {f.number(sky.diffuse_horizontal_w_m2)} W/m² diffuse horizontal, "
             f"{f.number(horizontal_illuminance(sky))} lx of these; dew point "
             f"{f.number(sky.dew_point_c)} °C; sun at "
-            f"{_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}; {f.number(sky.cct_k, 4)} K"
+            f"{_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}; {_sky_color(sky)}"
         )
     if isinstance(sky, PatchSky):
         scaled = "as measured" if sky.diffuse_illuminance_lx is None else "scaled"
@@ -62,7 +70,7 @@ def sky_text(sky: Sky | None) -> str:
         )
         if sky.sun_altitude_deg is not None:
             text += f"; sun at {_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}"
-        return text + f"; {f.number(sky.cct_k, 4)} K"
+        return f"{text}; {_sky_color(sky)}"
     known = f"CIE type {sky.type}, {SKY_TYPES[sky.type]}" if isinstance(sky.type, int) else ""
     text = known or f"{sky.type} sky as by Radiance's gensky"
     if sky.estimated:
@@ -78,7 +86,21 @@ def sky_text(sky: Sky | None) -> str:
         text += "; no level given: scaled to 10 000 lx diffuse horizontal (relative)"
     if sky.needs_sun:
         text += f"; sun at {_position(sky.sun_altitude_deg, sky.sun_azimuth_deg)}"
-    return text + f"; {f.number(sky.cct_k, 4)} K"
+    return f"{text}; {_sky_color(sky)}"
+
+
+def _sky_color(sky: Sky) -> str:
+    """Colour temperature of a sky, or the model it is by."""
+    if sky.color == "constant":
+        return f"{f.number(sky.cct_k, 4)} K"
+    return f"colour by direction modelled ({SKY_COLOR_MODELS[sky.color]})"
+
+
+def _sun_color(sun: Sun) -> str:
+    """Colour temperature of the sun, or the model it is by."""
+    if sun.color == "constant":
+        return f"{f.number(sun.cct_k, 4)} K"
+    return "colour by altitude modelled (Bird and Riordan 1986, air of ASTM G173)"
 
 
 def _turbidity(sky: CIESky) -> str:
@@ -108,7 +130,7 @@ def light_facts(scene: SceneData) -> list[tuple[str, str]]:
             "Sun",
             f"{_position(sun.altitude_deg, sun.azimuth_deg)}; "
             f"{f.number(sun.normal_illuminance_lx)} lx normal; disc of radius "
-            f"{f.number(sun.angular_radius_arcmin)}′; {f.number(sun.cct_k, 4)} K",
+            f"{f.number(sun.angular_radius_arcmin)}′; {_sun_color(sun)}",
         ))  # fmt: skip
     if daylight:
         known = ground is not None and ground.reflectance is not None

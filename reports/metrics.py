@@ -27,6 +27,11 @@ QUANTITIES = {
     "ERC_avg_percent": ("mean externally reflected component", "%"),
     "IRC_avg_percent": ("mean internally reflected component", "%"),
     "VSC_avg_percent": ("mean vertical sky component", "%"),
+    "EDI_avg_lx": ("mean melanopic equivalent daylight illuminance, modelled", "lx"),
+    "EDI_min_lx": ("lowest melanopic equivalent daylight illuminance, modelled", "lx"),
+    "CCT_avg_K": ("mean correlated colour temperature, modelled", "K"),
+    "Duv_avg": ("mean distance from the Planckian locus, modelled", "1"),
+    "DER_avg": ("mean melanopic daylight efficacy ratio, modelled", "1"),
 }
 
 
@@ -136,11 +141,7 @@ def _evaluate(result: Result, requirement: Mapping[str, Any]) -> RequirementResu
         if not values:
             reason = f"{grid_name} has no valid points"
         elif value is None:
-            upright = "; VSC is of upright sensors" if metric.startswith("VSC") else ""
-            reason = (
-                "daylight factors need daylight_factor = true, or an overcast sky (type 1 or 16) "
-                f"without a sun{upright}"
-            )
+            reason = _why_none(metric)
     if low is None and high is None and not reason:
         reason = "neither min nor max is given"
     found = UNDECIDED
@@ -159,6 +160,20 @@ def _evaluate(result: Result, requirement: Mapping[str, Any]) -> RequirementResu
         maximum=None if high is None else float(high),
         verdict=found,
         reason=reason,
+    )
+
+
+def _why_none(metric: str) -> str:
+    """Why a grid with values has none of a metric."""
+    if metric.startswith(("EDI", "CCT", "Duv", "DER")):
+        return (
+            "colour and melanopic values need spectral = true in its [[sensors]], and light that "
+            "has a colour temperature"
+        )
+    upright = "; VSC is of upright sensors" if metric.startswith("VSC") else ""
+    return (
+        "daylight factors need daylight_factor = true, or an overcast sky (type 1 or 16) "
+        f"without a sun{upright}"
     )
 
 

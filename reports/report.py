@@ -162,6 +162,7 @@ def _grid(
         "components": summary.component_rows(grid),
         "daylight": summary.daylight_rows(grid),
         "daylight_sky": inputs.overcast_text(grid),
+        "spectral": summary.spectral_rows(grid),
         "plan": "",
         "histogram": "",
         "facts": "",

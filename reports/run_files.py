@@ -190,7 +190,10 @@ def write_grids(result: Result, folder: Path) -> dict[str, Path]:
 
 
 def grid_csv(grid: SensorResult) -> str:
-    """Points, normals [m], areas [m²], illuminance and its components [lx] of a grid."""
+    """Points, normals [m], areas [m²], illuminance and its components [lx] of a grid.
+
+    Colour and melanopic values, where they were asked for, are not numbers where light has none.
+    """
     columns = ["point_id", "x_m", "y_m", "z_m", "nx", "ny", "nz", "area_m2", "E_lx", "error_lx"]
     values = [
         *np.asarray(grid.points).T,
@@ -207,6 +210,11 @@ def grid_csv(grid: SensorResult) -> str:
         columns += ["DF_percent", "DF_error_percent", "SC_percent", "ERC_percent", "IRC_percent"]
         found = (shares.total, shares.error, shares.sky, shares.external, shares.internal)
         values += [100.0 * v for v in found]
+    if grid.spectral is not None:
+        told = grid.spectral
+        columns += ["CCT_K", "CCT_error_K", "Duv", "x", "y", "EDI_melanopic_lx", "DER_melanopic"]
+        values += [told.cct_k, told.cct_error_k, told.duv, *told.chromaticity.T]
+        values += [told.melanopic_edi_lx, told.melanopic_der]
     rows = [[i, *(f"{float(v[i]):.9g}" for v in values)] for i in range(len(grid.illuminance_lx))]
     return csv_text(columns, rows)
 

@@ -91,6 +91,7 @@ def finite_points(grid: SensorResult) -> SensorResult:
         error_lx=grid.error_lx[keep],
         components={k: np.asarray(v)[keep] for k, v in grid.components.items()},
         daylight=None if grid.daylight is None else grid.daylight.take(np.flatnonzero(keep)),
+        spectral=None if grid.spectral is None else grid.spectral.take(np.flatnonzero(keep)),
     )
 
 
@@ -117,6 +118,20 @@ def daylight_rows(grid: SensorResult) -> list[dict[str, str]]:
         for key in names
         if key in values
     ]
+
+
+def spectral_rows(grid: SensorResult) -> list[dict[str, str]]:
+    """Colour temperature and melanopic values, where they were asked for and there are any."""
+    values, errors = grid_metrics(finite_points(grid))
+    names = ("CCT_avg_K", "Duv_avg", "EDI_avg_lx", "EDI_min_lx", "DER_avg")
+    rows = []
+    for key in names:
+        if key in values:
+            quantity, unit = QUANTITIES[key]
+            text = f.with_error(values[key], errors.get(key))
+            name = quantity.removesuffix(", modelled")
+            rows.append({"name": name, "value": text if unit == "1" else f"{text} {unit}"})
+    return rows
 
 
 def component_rows(grid: SensorResult) -> list[dict[str, str]]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
 
 from .formats import number, srgb_encode
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from .elements_by_side import elements_by_side
 from .errors import InputError
+from .light_colors import LightColors, lamp_color
 from .model.arrays import FloatArray, IntArray, check_shape, frozen
 from .model.elements import Elements
 from .model.result import CameraImage, luminous
@@ -20,14 +21,11 @@ from .raycast import Hits, RayCaster
 from .shine import MOST_MIRRORS, Seen, Shine
 from .skies import (
     ground_luminance,
-    horizontal_illuminance,
     sky_parameters,
     sun_direction,
-    sun_horizontal_illuminance,
     sun_luminance,
     with_patches,
 )
-from .spectra import cct_to_rgb
 from .vertex_values import corner_values
 
 if TYPE_CHECKING:
@@ -99,7 +97,7 @@ class Renderer:
         check_shape("emitted", emitted, (n, 4, bands))
         irradiance = frozen(irradiance)
         check_shape("irradiance", irradiance, (n,))
-        self.scene, self._webs, self._grey, self._sun = scene, webs, bands == 1, sun
+        self.scene, self._webs, self._bands, self._sun = scene, webs, bands, sun
         # By patch and side, as a ray sees it; the last row stands for patch −1.
         self._lamp_of = np.concatenate([scene.luminaire_index, [[-1, -1]]])
         # Patches that are seen through come last: rows of the others are the same without them.
@@ -119,7 +117,7 @@ class Renderer:
             elements.boxes,
             frozen(corner_values(scene, elements, means)),
             emitted,
-            _environment(scene, grey=bands == 1),
+            _environment(scene, bands),
         )
 
     def render(self, camera: Camera) -> CameraImage:
@@ -220,7 +218,7 @@ class Renderer:
         seen = self._lamp_of[patch, (facing < 0).astype(np.int64)]
         for lamp in self._webs:
             rows = np.flatnonzero(seen == lamp.row)
-            color = np.ones(3) if self._grey else np.asarray(lamp.luminaire.color)
+            color = lamp_color(lamp.luminaire, self._bands)
             level = lamp.luminance(-directions[rows])
             rgb[rows] += level[:, None] * color
 
@@ -280,30 +278,23 @@ def render(
     return renderer.render(camera)
 
 
-def _environment(scene: SceneData, *, grey: bool) -> FloatArray:
+def _environment(scene: SceneData, bands: int) -> FloatArray:
     """Sky, ground and sun packed for `kernels.render`."""
     from .kernels import render as kernel
 
     sky, sun = scene.sky, scene.sun
     out = np.zeros(kernel.ENVIRONMENT)
     out[kernel.DISC_CHORD] = -1.0
-    ground = np.zeros(3)
+    colors = LightColors(scene, bands)
     if sky is not None:
-        color = np.ones(3) if grey else cct_to_rgb(sky.cct_k)
         out[: kernel.SKY_SUN] = sky_parameters(sky)
         out[kernel.SKY_SUN : kernel.SKY_SUN + 3] = sun_direction(sky)
-        out[kernel.SKY_COLOR : kernel.SKY_COLOR + 3] = color
-        ground += horizontal_illuminance(sky) * color
+        out[kernel.SKY_COLOR : kernel.SKY_COLOR + 3] = colors.sky
     if sun is not None:
-        color = np.ones(3) if grey else cct_to_rgb(sun.cct_k)
         radius = np.radians(sun.angular_radius_arcmin / 60.0)
         out[kernel.DISC : kernel.DISC + 3] = direction(sun.altitude_deg, sun.azimuth_deg)
         out[kernel.DISC_CHORD] = 4.0 * np.sin(0.5 * radius) ** 2
-        out[kernel.DISC_LUMINANCE : kernel.DISC_LUMINANCE + 3] = sun_luminance(sun) * color
-        ground += sun_horizontal_illuminance(sun) * color
+        out[kernel.DISC_LUMINANCE : kernel.DISC_LUMINANCE + 3] = sun_luminance(sun) * colors.sun
     level = ground_luminance(scene.ground, sky, sun)
-    brightest = ground.max()
-    if brightest > 0.0:
-        # The colour of the light that falls on the grey ground, at the ground's luminance.
-        out[kernel.GROUND : kernel.GROUND + 3] = ground * level / float(luminous(ground))
+    out[kernel.GROUND : kernel.GROUND + 3] = level * colors.ground
     return frozen(with_patches(out, sky))

@@ -24,7 +24,7 @@ def overcast_scene(scene: SceneData) -> SceneData:
     assert asked is not None
     ground = Ground() if scene.ground is None else scene.ground
     return replace(
-        scene,
+        scene.without_spectra,
         sky=CIESky(asked.sky_type),
         sun=None,
         ground=ground,

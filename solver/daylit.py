@@ -25,7 +25,7 @@ from .errors import InputError
 from .field import FieldSolver
 from .memory import available_bytes
 from .model.arrays import FloatArray, IntArray
-from .model.optics import LUMINANCE_WEIGHTS
+from .model.bands import LUMINANCE_WEIGHTS, SPECTRAL
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky, Ground
@@ -113,6 +113,10 @@ class DaylitScene:
         if solver.highlights.any:
             stages.warnings.append(
                 "glossy surfaces: through a year they reflect sky and sun as if they were matt"
+            )
+        if scene.bands == SPECTRAL:
+            stages.warnings.append(
+                "spectral = true: colour and melanopic values are not told through a year"
             )
         # In a cavity of its own nothing hides anything from anything, but its wall the sky.
         sky = OpenSky(even, solver.blockers, trace=solver.trace or solver.in_cavity)
@@ -274,7 +278,7 @@ def bytes_of_sensor(unknowns: int, bands: int) -> int:
 def even_scene(scene: SceneData) -> SceneData:
     """The scene under a sky of luminance 1 cd/m², its lamps dark."""
     return replace(
-        scene,
+        scene.without_spectra,
         sky=CIESky(5, zenith_luminance_cd_m2=1.0, cct_k=SKY_CCT_K),
         sun=None,
         ground=Ground() if scene.ground is None else scene.ground,

@@ -8,11 +8,11 @@ import numpy as np
 
 from .budget import Budget
 from .dome import dome_cells, sun_cells
+from .light_colors import LightColors
 from .model.arrays import FloatArray
 from .model.scene import SceneData
 from .model.sky import Sky
 from .skies import ground_luminance, sun_luminance
-from .spectra import cct_to_rgb
 
 
 class DomeJob(NamedTuple):
@@ -41,19 +41,15 @@ class DomeJob(NamedTuple):
 
 def dome_jobs(scene: SceneData, budget: Budget, bands: int) -> list[DomeJob]:
     """What there is of sky, sun and ground, in this order."""
-
-    def color(cct_k: float) -> FloatArray:
-        return np.ones(1) if bands == 1 else cct_to_rgb(cct_k)
-
+    color = LightColors(scene, bands)
     eps, sky, sun, jobs = budget.sensor_dome_cell_eps, scene.sky, scene.sun, []
     if sky is not None:
-        jobs.append(DomeJob("sky", dome_cells(0.0, 90.0), sky, eps, color(sky.cct_k)))
+        jobs.append(DomeJob("sky", dome_cells(0.0, 90.0), sky, eps, color.sky))
     if sun is not None:
         disc = np.sin(np.radians(sun.angular_radius_arcmin / 60.0)) ** 2
         small = budget.sun_cell_eps * disc
-        jobs.append(DomeJob("sun", sun_cells(sun), sun_luminance(sun), small, color(sun.cct_k)))
+        jobs.append(DomeJob("sun", sun_cells(sun), sun_luminance(sun), small, color.sun))
     level = ground_luminance(scene.ground, sky, sun)
     if level > 0.0:
-        cct = sky.cct_k if sky is not None else 5500.0
-        jobs.append(DomeJob("ground", dome_cells(-90.0, 0.0), level, eps, color(cct)))
+        jobs.append(DomeJob("ground", dome_cells(-90.0, 0.0), level, eps, color.ground))
     return jobs

@@ -18,6 +18,7 @@ from .edges import EDGE_NODES
 from .errors import InputError
 from .kernels.rows import Sources
 from .kernels.spread import Basis, spread_rows
+from .light_colors import lamp_color
 from .model.arrays import FloatArray, IntArray, MatrixArray
 from .model.bezier import gauss_rule
 from .model.elements import Elements
@@ -105,9 +106,7 @@ class Emission:
         scale: dict[int, float],
     ) -> Emission:
         level = np.array([scale[int(row)] for row in lamp])
-        color = np.ones((len(lamp), bands))
-        if bands > 1:
-            color = np.array([scene.luminaires[row].color for row in lamp])
+        color = np.array([lamp_color(scene.luminaires[row], bands) for row in lamp])
         return cls(
             element=element,
             lamp=lamp,

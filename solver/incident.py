@@ -12,6 +12,7 @@ from .budget import Budget
 from .dome import DomeLight
 from .exchange import Rows
 from .kernels.pyramid import Blockers
+from .light_colors import ELEMENT_PARTS, SENSOR_PARTS, LightColors
 from .model.arrays import FloatArray
 from .model.result import luminous
 from .model.scene import SceneData
@@ -23,7 +24,6 @@ from .pane_field import PaneField
 from .reuse import Kept, tolerances
 from .row_finder import Ask
 from .skies import ground_luminance
-from .spectra import cct_to_rgb
 from .stages import Stages
 from .sun_disc import DiscLight, SeenDisc, is_up
 from .sun_means import put_sun_means
@@ -122,7 +122,8 @@ class Incidence:
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
         self.panes, self.kept = panes, kept
-        self.bands = 1 if scene.is_grey else 3
+        self.bands = scene.bands
+        self.colors = LightColors(scene, self.bands)
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
         self.webs = WebField(scene, blockers, panes, trace=trace, stages=stages)
         self.uneven = UnevenField(scene, blockers, panes, trace=trace, stages=stages)
@@ -157,7 +158,7 @@ class Incidence:
         # The disc may be seen between the nodes, by none of them.
         if sun is not None and found is not None and self.trace and sees_out and is_up(sun):
             with self.stages.run("sun"):
-                color = np.ones(1) if self.bands == 1 else cct_to_rgb(sun.cct_k)
+                color = self.colors.sun
                 count = put_sun_means(
                     found, light.variance, sun, color, surfaces.elements, unknowns, self.open_sky
                 )
@@ -224,25 +225,25 @@ class Incidence:
             self._add_through_panes(light, receivers, budget, scanned is not None)
             return light
         scene, stages = self.scene, self.stages
-        jobs: list[tuple[str, Sky | float, float]] = []  # of the sun the luminance does not count
+        jobs: list[tuple[str, Sky | float]] = []  # of the sun the luminance does not count
         if scene.sky is not None:
-            jobs.append(("sky", scene.sky, scene.sky.cct_k))
+            jobs.append(("sky", scene.sky))
         if scene.sun is not None:
-            jobs.append(("sun", 0.0, scene.sun.cct_k))
+            jobs.append(("sun", 0.0))
         level = ground_luminance(scene.ground, scene.sky, scene.sun)
         if level > 0.0:
-            jobs.append(("ground", level, scene.sky.cct_k if scene.sky is not None else 5500.0))
+            jobs.append(("ground", level))
         outside: OutsideLight | None = None
-        for name, luminance, cct in jobs:
+        for name, luminance in jobs:
             if not sees_out and self.stages.skipped.get("visibility") != "switched off":
                 stages.skipped[name] = "nothing sees out of the scene"
                 light.direct[name] = np.zeros((len(receivers.nodes), self.bands))
                 continue
-            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
             if scanned is not None and name != "sun":
                 column, spread = (0, 3) if name == "sky" else (2, 4)
                 brightness = np.pi * (1.0 if isinstance(luminance, Sky) else luminance)
-                light.direct[name] = brightness * scanned[:, column, None] * color
+                lux = brightness * scanned[:, column]
+                light.direct[name] = lux[:, None] * self._color(name, receivers, lux, True)
                 light.variance += brightness**2 * scanned[:, spread]
                 continue
             found: DomeLight | SeenDisc
@@ -254,12 +255,36 @@ class Incidence:
                         cell_eps = budget.sensor_dome_cell_eps
                         outside = self._outside(receivers, budget.eps, cell_eps, tell, level > 0.0)
                     found = outside.sky if name == "sky" else outside.ground.times(level)
-            light.direct[name] = found.illuminance[:, None] * color
+            lux = found.illuminance
+            light.direct[name] = lux[:, None] * self._color(name, receivers, lux, False)
             light.variance += found.deviation**2
             if isinstance(found, DomeLight):
                 light.outside += found.factor
                 light.outside_variance += found.factor_variance
         return light
+
+    def _color(
+        self, name: str, receivers: Receivers, lux: FloatArray, on_elements: bool
+    ) -> FloatArray:
+        """Colour (b,) of the light (m,) of sky, sun or ground, or (m, b) where it differs."""
+        if name != "sky" or not self.colors.sky_varies:
+            return np.asarray(getattr(self.colors, name))
+
+        def find() -> FloatArray:
+            out = np.broadcast_to(self.colors.sky, (len(lit), self.bands)).copy()
+            rows, parts = np.flatnonzero(lit), ELEMENT_PARTS if on_elements else SENSOR_PARTS
+            # Of receivers with several nodes the one that stands for most.
+            node = receivers.weights[rows].argmax(axis=1)
+            at = receivers.nodes[rows, node], receivers.normals[rows, node]
+            with self.stages.run("colour of the sky"):
+                out[rows] = self.colors.sky_at(self.open_sky, *at, parts)
+            return out
+
+        lit = lux > 0.0
+        scene = self.scene
+        of = (receivers, lit, scene.sky, self.bands, on_elements)
+        glass = (scene.glazings, scene.glass_index)
+        return self.kept.find("colour of the sky", (*of, *glass), find)
 
     def _sun(
         self, sun: Sun, receivers: Receivers, budget: Budget, tell: Callable[[int, int], None]
@@ -302,11 +327,8 @@ class Incidence:
         """The same in a scene with panes."""
         with self.stages.run("light through panes") as tell:
             found = self._daylight(receivers, budget, tell, on_elements=on_elements)
-        sky, sun = self.scene.sky, self.scene.sun
-        ccts = {"sky": sky and sky.cct_k, "sun": sun and sun.cct_k}
         for name, lux in found.illuminance.items():
-            cct = ccts.get(name) or ccts["sky"] or 5500.0
-            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct)
+            color = self._color(name, receivers, lux, on_elements)
             light.direct[name] = lux[:, None] * color
         light.variance += found.variance
         light.outside += found.outside

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .direct_light import LIFT, REACHED
 from .exchange import form_factor_matrix, make_sources
 from .kernels.pyramid import Blockers
+from .light_colors import lamp_color
 from .mesh import Boxes, elements_on
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import surface_points
@@ -117,8 +118,7 @@ class MeanLight:
             for group in dict.fromkeys(lamp.group for lamp in self.scene.luminaires)
         }
         for k, lamp in enumerate(self.scene.luminaires):
-            color = np.ones(1) if bands == 1 else np.asarray(lamp.color)
-            found[lamp.group] += by_lamp[:, k, None] * color
+            found[lamp.group] += by_lamp[:, k, None] * lamp_color(lamp, bands)
         # Of a faint group less than nothing may have been found, and of others as much too much.
         least = np.zeros((len(rows), bands))
         total = np.maximum(sum(found.values(), least), 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from .dome_jobs import DomeJob, dome_jobs
 from .exchange import Rows, products
 from .kernels.pyramid import Blockers
+from .light_colors import lamp_color
 from .mirrors import Mirrors, Reflections
 from .model.arrays import FloatArray
 from .model.result import luminous
@@ -161,7 +162,7 @@ class MirrorLight(Mirrors):
         """Add lamps with webs: seen from the image, their light takes its true direction."""
         for lamp in self.webs.lamps(asked.budget.accuracy):
             own = np.flatnonzero(surfaces.lamp == lamp.row)
-            color = np.ones(1) if self.bands == 1 else np.asarray(lamp.luminaire.color)
+            color = lamp_color(lamp.luminaire, self.bands)
             group = lamp.luminaire.group
             for window in self.windows:
                 seen = self.through(window, rows, surfaces, asked, own, fine)

@@ -124,7 +124,12 @@ class OpenSky:
         self._lift = 1e-9 * float(np.linalg.norm(high - low))
 
     def seen(
-        self, points: FloatArray, normals: FloatArray, grid: DomeGrid, exact: FloatArray
+        self,
+        points: FloatArray,
+        normals: FloatArray,
+        grid: DomeGrid,
+        exact: FloatArray,
+        finer: int = FINER,
     ) -> SeenSky:
         """Weights of the cells of ``grid`` for receivers at points (m, 3).
 
@@ -136,6 +141,8 @@ class OpenSky:
             B cells.
         exact : (m,) array
             Illuminance of the receivers under a sky of luminance 1 cd/m². [lx]
+        finer : int
+            Rays a direction of each cell where curved surfaces may hide something.
         """
         m, room = len(points), ROOM
         out, by_rays = np.zeros((m, len(grid))), np.zeros(m, dtype=np.int64)
@@ -144,7 +151,7 @@ class OpenSky:
             short = []
             for start in range(0, len(waiting), OF_BLOCK // room):
                 rows = waiting[start : start + OF_BLOCK // room]
-                nodes = self._nodes(points[rows], normals[rows], grid.height, room)
+                nodes = self._nodes(points[rows], normals[rows], grid.height, room, finer)
                 weights = nodes.weights * self.share(points[rows][nodes.receiver], nodes.directions)
                 cells, shares = grid.between(nodes.directions)
                 found = np.bincount(
@@ -185,7 +192,9 @@ class OpenSky:
             return np.ones(len(points), dtype=bool)
         return ~np.asarray(self._caster.any_hit(points, directions, t_min=self._lift), dtype=bool)
 
-    def _nodes(self, points: FloatArray, normals: FloatArray, height: float, room: int) -> Nodes:
+    def _nodes(
+        self, points: FloatArray, normals: FloatArray, height: float, room: int, finer: int
+    ) -> Nodes:
         """All nodes of a block, each receiver having ``room`` for so many past flat surfaces."""
         from .kernels.open_sky import NO_ROOM, TOLD, open_directions
 
@@ -212,7 +221,7 @@ class OpenSky:
         parts = [(receiver, nodes[:, :3], nodes[:, 3])]
         for sector in np.flatnonzero((left != TOLD).any(axis=0)):
             rows = np.flatnonzero(left[:, sector] != TOLD)
-            parts.append(self._by_rays(points, normals, rows, int(sector), height / FINER))
+            parts.append(self._by_rays(points, normals, rows, int(sector), height / finer))
         receiver, directions, weights = (np.concatenate(a) for a in zip(*parts, strict=True))
         return Nodes(receiver, directions, weights, (left != TOLD).sum(axis=1), short)
 

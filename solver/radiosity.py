@@ -32,6 +32,8 @@ TOLERANCE, TOLERANCE_SHARE = 1e-9, 1e-4
 LU_AT_LEAST, LU_UNKNOWNS_A_SIDE = 24, 100
 #: Unknowns above which no matrix is decomposed.
 LU_UNKNOWNS = 16_000
+#: Rounding by which one light may differ from a multiple of another, against its largest value.
+ALIKE = 1e-14
 #: Right-hand sides that GMRES takes at a time: each keeps some thirty directions.
 GMRES_SIDES = 64
 
@@ -126,6 +128,8 @@ class RadiositySystem:
         flat, found = light.reshape(len(light), -1), out.reshape(len(light), -1)
         lit = np.asarray((self.reflectance[:, band] * flat).any(axis=0))
         lit |= self._scattered(flat).any(axis=0)
+        same, factor = self._multiples(flat, lit)
+        lit[same != np.arange(len(same))] = False
         for columns in self._by_lu(flat, found, band, lit):
             lit[columns] = False
         rest = np.flatnonzero(lit)
@@ -144,7 +148,32 @@ class RadiositySystem:
             solved = solve_all(operate, source, tolerance=self.tolerance, names=name)
             found[:, some] = solved.values
             self.products += solved.products
+        more = np.flatnonzero(same != np.arange(len(same)))
+        found[:, more] = found[:, same[more]] * factor[more]
         return {name: out[:, k] for k, name in enumerate(names)}
+
+    def _multiples(self, light: FloatArray, lit: NDArray[np.bool_]) -> tuple[IntArray, FloatArray]:
+        """Which column (k,) of ``light`` each is a multiple of, and by what factor (k,).
+
+        Light of a group has one colour where all its sources have; surfaces that reflect some
+        bands alike keep it the same in these.
+        """
+        bands = self.reflectance.shape[1]
+        same, factor = np.arange(light.shape[1]), np.ones(light.shape[1])
+        for first in range(0, light.shape[1] if bands > 1 else 0, bands):
+            known: dict[int, list[int]] = {}
+            for column in first + np.flatnonzero(lit[first : first + bands]):
+                others = known.setdefault(int(self._kinds[1][column - first]), [])
+                own = light[:, column]
+                for other in others:
+                    at = int(np.argmax(np.abs(light[:, other])))
+                    ratio = own[at] / light[at, other]
+                    if (np.abs(own - ratio * light[:, other]) <= ALIKE * np.abs(own[at])).all():
+                        same[column], factor[column] = other, ratio
+                        break
+                else:
+                    others.append(int(column))
+        return same, factor
 
     def _scattered(self, light: FloatArray, *, back: bool = False) -> FloatArray:
         """What panels send on (n, k) of light (n, k) on them; ``back`` transposed."""

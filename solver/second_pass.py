@@ -15,13 +15,13 @@ import numpy as np
 
 from .elements_by_side import elements_by_side
 from .glossy import NEAR, radiance, shining_of
+from .light_colors import LightColors, lamp_color
 from .model.arrays import FloatArray, frozen
 from .model.result import luminous
 from .model.scene import SceneData
 from .panes import make_panes
 from .raycast import RayCaster
 from .skies import ground_luminance, sky_tone, sun_luminance
-from .spectra import cct_to_rgb
 from .surfaces import Surfaces
 from .uneven_pieces import shining_pieces
 
@@ -50,9 +50,9 @@ class GlossySides:
         self.exponent = np.ones(index.shape)
         for row, m in enumerate(scene.materials):
             at = index == row
-            all_of_it = m.scattered_bands[:bands]
-            self.specular[at] = m.specular_bands[:bands]
-            self.share[at] = m.specular_bands[:bands] / np.where(all_of_it > 0.0, all_of_it, 1.0)
+            all_of_it = m.scattered_in(bands)
+            self.specular[at] = m.specular_in(bands)
+            self.share[at] = m.specular_in(bands) / np.where(all_of_it > 0.0, all_of_it, 1.0)
             self.exponent[at] = m.exponent
         back = ~np.asarray(scene.two_sided)
         self.specular[back, 1] = self.share[back, 1] = 0.0
@@ -184,7 +184,7 @@ class SecondPass:
             away = points[rows] - self._centers[k]
             away /= np.linalg.norm(away, axis=1, keepdims=True)
             level = found[rows, columns + k] * web.luminance(away)
-            color = np.ones(1) if self.bands == 1 else np.asarray(web.luminaire.color)
+            color = lamp_color(web.luminaire, self.bands)
             group = self.groups.index(web.luminaire.group) if by_group else 0
             out[rows, group] += level[:, None] * color
         return out, found[:, -1]
@@ -194,25 +194,24 @@ class SecondPass:
         from .kernels.glossy import Beyond
         from .model.sky import direction
 
-        scene = self.scene
+        scene, colors = self.scene, LightColors(self.scene, self.bands)
         sky, ground, disc = np.zeros(columns), np.zeros(columns), np.zeros(columns)
         tone, sun = np.empty(0), np.full(5, 2.0)
 
-        def put(out: FloatArray, group: str, level: float, cct_k: float) -> None:
+        def put(out: FloatArray, group: str, level: float, color: FloatArray) -> None:
             if group not in self.groups:
                 return
             first = self.groups.index(group) * self.bands if by_group else 0
-            color = np.ones(1) if self.bands == 1 else cct_to_rgb(cct_k)
             out[first : first + self.bands] += level * color
 
         if scene.sky is not None:
             tone = sky_tone(scene.sky)
-            put(sky, "sky", 1.0, scene.sky.cct_k)
+            put(sky, "sky", 1.0, colors.sky)
         if scene.sun is not None:
             radius = np.radians(scene.sun.angular_radius_arcmin / 60.0)
             sun[:3] = direction(scene.sun.altitude_deg, scene.sun.azimuth_deg)
             sun[3], sun[4] = np.cos(radius), 4.0 * np.pi * np.sin(0.5 * radius) ** 2
-            put(disc, "sun", sun_luminance(scene.sun), scene.sun.cct_k)
-        cct = scene.sky.cct_k if scene.sky is not None else 5500.0
-        put(ground, "ground", ground_luminance(scene.ground, scene.sky, scene.sun), cct)
+            put(disc, "sun", sun_luminance(scene.sun), colors.sun)
+        level = ground_luminance(scene.ground, scene.sky, scene.sun)
+        put(ground, "ground", level, colors.ground)
         return Beyond(frozen(tone), frozen(sky), frozen(ground), frozen(sun), frozen(disc))

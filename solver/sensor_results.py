@@ -6,10 +6,12 @@ import numpy as np
 
 from .incident import Gathered
 from .model.arrays import FloatArray
+from .model.colorimetry import SpectralLight
 from .model.daylight import DaylightShares
 from .model.result import SensorResult, luminous
 from .model.scene import SceneData
 from .model.sky import CIESky
+from .model.views import Sensors
 from .skies import horizontal_illuminance
 
 
@@ -19,10 +21,13 @@ def sensor_result(
     gathered: Gathered,
     more: FloatArray,
     outdoors: FloatArray | float = 0.0,
+    *,
+    spectral: bool = True,
 ) -> SensorResult:
     """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]
 
-    ``outdoors`` (m,) of their light of sky and ground comes straight from surfaces outdoors.
+    ``outdoors`` (m,) of their light of sky and ground comes straight from surfaces outdoors. Its
+    colour is told with ``spectral`` alone, where it is asked for.
     """
     grid = scene.sensors[index]
     components = {name: luminous(v) for name, v in gathered.components.items()}
@@ -37,7 +42,17 @@ def sensor_result(
         components=components,
         daylight=_daylight(scene, components, error, outdoors),
         outline=grid.outline,
+        spectral=_spectral(grid, gathered, error) if spectral else None,
     )
+
+
+def _spectral(grid: Sensors, gathered: Gathered, error_lx: FloatArray) -> SpectralLight | None:
+    """Colour of the light, where it is asked for."""
+    if not grid.spectral:
+        return None
+    from .spectral_sensors import spectral_light
+
+    return spectral_light(gathered.components.values(), error_lx)
 
 
 def tells_daylight_factors(scene: SceneData) -> bool:

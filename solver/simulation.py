@@ -443,7 +443,7 @@ class Simulation:
             mesh, rest = error.of(gathered, doubt), rules + kept.sensors[k]
             outdoors = solver.from_outdoors(seen[k], field, finer) if is_overcast else 0.0
             sensors[grid.name] = sensor_result(self.scene, k, gathered, mesh + rest, outdoors)
-            without_mesh[grid.name] = sensor_result(self.scene, k, gathered, rest)
+            without_mesh[grid.name] = sensor_result(self.scene, k, gathered, rest, spectral=False)
         return Solved(field, finer, balance, error, kept, sensors, without_mesh, tuple(seen))
 
     def judge(self, solved: Solved) -> bool:

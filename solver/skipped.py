@@ -19,8 +19,10 @@ def not_needed(scene: SceneData, blockers: Blockers, visibility: str) -> dict[st
         skipped["visibility"] = "one convex cavity: nothing can hide anything"
     elif is_single(blockers, blockers.bulging) and not scene.sensors:
         skipped["visibility"] = "one convex body: nothing can hide anything"
-    if scene.is_grey:
+    if scene.bands == 1:
         skipped["colour"] = "every material is grey: one band"
+        if any(light is not None and light.color != "constant" for light in (scene.sky, scene.sun)):
+            skipped["colour of the sky"] = "one band: no surface and no sensor tells colours apart"
     if not clear:
         off = visibility == "none"
         skipped["glass"] = "switched off" if off else "nothing is seen through"

@@ -25,10 +25,9 @@ from .errors import InputError
 from .gensky import TURBIDITY as OF_ESTIMATES
 from .model.arrays import FloatArray
 from .model.sky import CIESky, Sky
-from .model.sky_checks import finite_number
+from .model.sky_checks import SKY_COLORS, finite_number
 from .skies import luminance, sun_direction
 
-COLOR_MODELS = ("constant", "chain", "preetham")
 #: Colour temperatures of daylight, and that of overcast skies. [K] [1], [3]
 DAYLIGHT_K, OVERCAST_K = (4000.0, 25000.0), 6514.0
 #: Types that are overcast or uniform.
@@ -74,8 +73,8 @@ def sky_chromaticity(
         For other models, a turbidity out of range or without effect, and a sky without a sun where
         the model needs it.
     """
-    if model not in COLOR_MODELS:
-        raise InputError(f"color model {model!r}: must be one of {', '.join(COLOR_MODELS)}")
+    if model not in SKY_COLORS:
+        raise InputError(f"color model {model!r}: must be one of {', '.join(SKY_COLORS)}")
     if turbidity is not None and model != "preetham":
         raise InputError(f"turbidity: the colour of model {model!r} does not depend on it")
     d = np.asarray(directions, dtype=np.float64)

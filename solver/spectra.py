@@ -10,7 +10,17 @@ import numpy as np
 
 from .errors import InputError
 from .model.arrays import FloatArray, frozen
-from .model.optics import LUMINANCE_WEIGHTS
+from .model.bands import (
+    LUMINANCE_WEIGHTS,
+    OBSERVER,
+    SPECTRAL,
+    TO_RGB,
+    band_means,
+    luminous_shares,
+    tristimulus,
+)
+from .model.reflectance import Spectrum
+from .sky_color import daylight_locus, daylight_weights
 
 #: Below it light is Planckian, from it on CIE daylight. [K]
 DAYLIGHT_FROM_K = 4000.0
@@ -40,6 +50,38 @@ def cct_to_rgb(cct_k: float) -> FloatArray:
     if not 1000.0 <= cct_k <= 25000.0:
         raise InputError(f"cct_k = {cct_k}: must lie between 1000 and 25000")
     return _rgb(float(cct_k))
+
+
+def cct_color(cct_k: float, bands: int) -> FloatArray:
+    """Colour (b,) of white light in 1, 3 or 20 bands, of illuminance 1; see `cct_to_rgb`."""
+    if bands == 1:
+        return np.ones(1)
+    return cct_to_rgb(cct_k) if bands == 3 else _cct_bands(float(cct_k))
+
+
+@lru_cache(maxsize=256)
+def spectrum_bands(spectrum: Spectrum) -> FloatArray:
+    """Shares (20,) of 1 lx that light of a spectrum has in twenty bands.
+
+    Parameters
+    ----------
+    spectrum : pairs of (wavelength_nm, relative power)
+        Linear in between, nothing outside them.
+    """
+    return frozen(luminous_shares(band_means(*np.array(spectrum).T)))
+
+
+@lru_cache(maxsize=8)
+def daylight_basis(bands: int) -> FloatArray:
+    """S0, S1 and S2 of CIE daylight in 3 or 20 bands, shape (3, b), in one unit of illuminance."""
+    import colour
+
+    basis = colour.colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES
+    wavelength = np.asarray(basis["S0"].wavelengths)
+    power = [band_means(wavelength, np.asarray(basis[name].values)) for name in ("S0", "S1", "S2")]
+    light = np.array(power) * OBSERVER[:, 1]
+    # Not `in_primaries`: what is out of the gamut comes back when they are mixed.
+    return frozen(light if bands == SPECTRAL else tristimulus(light) @ TO_RGB.T)
 
 
 @lru_cache(maxsize=256)
@@ -116,16 +158,55 @@ def daylight_spectra(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     return wavelength, power / (_LUMENS_PER_W * step * (power @ seen))[..., None]
 
 
+def temperature_and_distance(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Correlated colour temperature [K] and distance Duv of chromaticities (..., 2).
+
+    The distance from the Planckian locus is that in (u', 2/3 v'), positive above it, by Ohno's
+    method. Neither is a number more than 0.05 off it, where the terms are not to be used, nor
+    outside 1000 to 100 000 K.
+    """
+    import colour
+
+    xy = np.asarray(xy, dtype=np.float64)
+    found = np.full(xy.shape, np.nan)
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of light far from white, which is told by its distance
+        known = np.isfinite(xy).all(axis=-1)
+        if known.any():
+            found[known] = colour.temperature.uv_to_CCT(_uv(xy[known]), method="Ohno 2013")
+        cct, off = np.moveaxis(found, -1, 0)
+        white = (np.abs(off) <= OFF_WHITE) & (cct >= 1000.0) & (cct <= 1e5)
+    return np.where(white, cct, np.nan), np.where(white, off, np.nan)
+
+
+def _uv(xy: FloatArray) -> FloatArray:
+    """u and v (..., 2) of 1960 of chromaticities."""
+    x, y = np.moveaxis(xy, -1, 0)
+    below = 3.0 - 2.0 * x + 12.0 * y
+    return np.stack([4.0 * x / below, 6.0 * y / below], axis=-1)
+
+
 def correlated_temperature(xy: FloatArray) -> FloatArray:
     """Correlated colour temperature (...) of chromaticities (..., 2), by Ohno 2013. [K]"""
     import colour
 
-    x, y = np.moveaxis(np.asarray(xy, dtype=np.float64), -1, 0)
-    below = 3.0 - 2.0 * x + 12.0 * y
-    uv = np.stack([4.0 * x / below, 6.0 * y / below], axis=-1)
+    uv = _uv(np.asarray(xy, dtype=np.float64))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of light far from white
         return np.asarray(colour.temperature.uv_to_CCT(uv, method="Ohno 2013")[..., 0])
+
+
+@lru_cache(maxsize=256)
+def _cct_bands(cct_k: float) -> FloatArray:
+    """Shares (20,) of 1 lx that white light has in twenty bands."""
+    import colour
+
+    if cct_k >= DAYLIGHT_FROM_K:
+        wavelength, power = daylight_spectra(daylight_weights(daylight_locus(cct_k)))
+    else:
+        wavelength = np.arange(380.0, 781.0, 5.0)
+        power = np.asarray(colour.colorimetry.planck_law(wavelength * 1e-9, cct_k, c2=_C2))
+    return frozen(luminous_shares(band_means(wavelength, power)))
 
 
 @lru_cache(maxsize=256)

@@ -13,13 +13,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .light_colors import LightColors
 from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
 from .model.shapes import frame, places_on_disk
 from .model.sky import direction
 from .open_sky import OpenSky
 from .shine import Seen
-from .spectra import cct_to_rgb
 
 #: Places on the rim and between it and the middle, and how far from that they are, in radii: what a
 #: shadow edge beyond all of the rim's hides is a tenth of the disc at most, and a bar that passes
@@ -58,11 +58,11 @@ class SunInPictures:
         out, inner, middle = np.full(RIM, OUT), np.full(RIM, INNER), [0.0]
         self._far = radius * np.concatenate([out, inner, middle, spread])
         self._toward, self._across = toward, (e1, e2)
-        color = np.ones(1) if bands == 1 else cct_to_rgb(self.sun.cct_k)
+        color = LightColors(scene, bands).sun
         index = scene.material_index
         shares = np.zeros((*index.shape, bands))
         for row, material in enumerate(scene.materials):
-            shares[index == row] = material.scattered_bands[:bands]
+            shares[index == row] = material.scattered_in(bands)
         #: What a side of a patch sends on of 1 lx, as luminance. [cd/(m² lx)]
         self._sent = shares * color / math.pi
 

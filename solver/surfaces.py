@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .light_colors import lamp_color
 from .model.arrays import FloatArray, IntArray
 from .model.bezier import area_points
 from .model.elements import Elements
@@ -95,11 +96,10 @@ class Surfaces:
         material, lamp = scene.material_index[where], scene.luminaire_index[where]
         rho = np.zeros((len(elements), bands))
         for row, m in enumerate(scene.materials):
-            rho[material == row] = m.scattered_bands[:bands]
+            rho[material == row] = m.scattered_in(bands)
         emitted = np.zeros_like(rho)
         for row, luminaire in enumerate(scene.luminaires):
-            color = np.ones(1) if bands == 1 else np.asarray(luminaire.color)
-            emitted[lamp == row] = luminaire.exitance_lm_m2 * color
+            emitted[lamp == row] = luminaire.exitance_lm_m2 * lamp_color(luminaire, bands)
         emission = None
         if any(luminaire.profile is not None for luminaire in scene.luminaires):
             from .emission import Emission

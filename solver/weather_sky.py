@@ -65,13 +65,14 @@ def sky_at(weather: Weather, time: datetime.datetime | str) -> tuple[PerezSky, S
             f"{diffuse:g} W/m² diffuse horizontal"
         )
     dew = float(weather.dew_point_c[step])
+    known = {} if math.isnan(dew) else {"dew_point_c": min(max(dew, -90.0), 40.0)}
     sky = PerezSky(
         direct_normal_w_m2=float(weather.direct_normal_w_m2[step]),
         diffuse_horizontal_w_m2=diffuse,
         sun_altitude_deg=float(altitude[0]),
         sun_azimuth_deg=float(azimuth[0]),
         sun_nearness=float(nearness(weather.starts[step : step + 1])[0]),
-        **({} if math.isnan(dew) else {"dew_point_c": min(max(dew, -90.0), 40.0)}),
+        **known,  # type: ignore[arg-type]  # a number, which color is not
     )
     return sky, sun_of(sky), told
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .exchange import Rows
 from .kernels.pyramid import Blockers
+from .light_colors import lamp_color
 from .model.arrays import FloatArray, IntArray
 from .model.elements import Elements
 from .model.result import Balance
@@ -119,7 +120,7 @@ class WebField:
             lamps = self.lamps(budget.accuracy)
             for done, lamp in enumerate(lamps):
                 found = self._light(lamp, rows, surfaces, asked, areas)
-                color = np.ones(1) if bands == 1 else np.asarray(lamp.luminaire.color)
+                color = lamp_color(lamp.luminaire, bands)
                 group = lamp.luminaire.group
                 direct[group] = direct[group] + found.illuminance[:, None] * color
                 variance += found.variance

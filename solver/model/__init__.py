@@ -1,6 +1,7 @@
 """Data types shared by all packages; NumPy only."""
 
 from .cad import EDGE_KINDS, CadEdges, Certificate, Face, Model, Part
+from .colorimetry import SpectralLight
 from .daylight import DaylightFactors, DaylightShares
 from .elements import Elements
 from .glazing import Glass, Glazing
@@ -50,6 +51,7 @@ __all__ = [
     "Site",
     "Sky",
     "Source",
+    "SpectralLight",
     "Sun",
     "SurfaceResult",
     "Weather",

@@ -11,64 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .arrays import FloatArray, check_finite, unit_vector
+from .arrays import FloatArray, unit_vector
+from .bands import LUMINANCE_WEIGHTS, SPECTRAL
 from .photometry import Photometry
 from .profiles import ProfileFunction, ProfileTable, checked_profile
+from .reflectance import Reflectance, checked_reflectance, checked_spectrum, in_bands
 
-Reflectance = float | tuple[float, float, float]
-
-#: Luminance of linear sRGB primaries (IEC 61966-2-1), the weights of the three colour bands.
-LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)
 #: Sharpest lobe: a twentieth of a degree wide. Use a mirror beyond it.
 MAX_EXPONENT = 1e6
-
-
-def _reflectance(name: str, value: object) -> Reflectance:
-    """A scalar or a linear RGB triple in [0, 1]."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape not in ((), (3,)):
-        raise InputError(f"{name} = {value!r}: expected a number or a linear (r, g, b) triple")
-    check_finite(name, array)
-    if (array < 0.0).any() or (array > 1.0).any():
-        raise InputError(f"{name} = {value}: must lie between 0 and 1")
-    if array.shape == ():
-        return float(array)
-    return (float(array[0]), float(array[1]), float(array[2]))
-
-
-def _in_bands(value: Reflectance) -> FloatArray:
-    return np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))
-
-
-def _spectrum(value: object) -> tuple[tuple[float, float], ...]:
-    """Pairs of ascending wavelength [nm] and relative power >= 0."""
-    try:
-        pairs = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        pairs = np.empty(0)
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or len(pairs) < 2:
-        raise InputError(
-            f"Emitter.spectrum: shape {pairs.shape}: expected two or more pairs (wavelength_nm, "
-            "relative power)"
-        )
-    check_finite("Emitter.spectrum", pairs)
-    wavelength, power = pairs.T
-    down = np.flatnonzero(np.diff(wavelength) <= 0.0)
-    if len(down):
-        k = int(down[0])
-        raise InputError(
-            f"Emitter.spectrum: wavelength {wavelength[k + 1]:g} nm follows {wavelength[k]:g} nm; "
-            "they must ascend"
-        )
-    if (power < 0.0).any():
-        k = int(np.argmin(power))
-        raise InputError(
-            f"Emitter.spectrum: power {power[k]:g} at {wavelength[k]:g} nm: must be >= 0"
-        )
-    return tuple((float(x), float(y)) for x, y in pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,13 +27,15 @@ class Material:
 
     Attributes
     ----------
-    reflectance : float or (r, g, b)
-        Diffuse reflectance, grey or per linear sRGB primary, 0 … 1.
-    specular : float or (r, g, b)
+    reflectance : float, (r, g, b) or sequence of (wavelength_nm, reflectance)
+        Diffuse reflectance, 0 … 1: grey, per linear sRGB primary, or a spectrum, which is linear
+        between the pairs and outside them as at the nearest one; see `bands` for what becomes of
+        one kind where another is needed.
+    specular : float, (r, g, b) or sequence of (wavelength_nm, reflectance)
         Glossy reflectance r_s of Phong's lobe r_s (n + 2)/(2π) cosⁿα about the mirrored direction.
     exponent : float
         Its sharpness n, 1 … 1e6: half of the light is within about √(1.4 / n) of its axis.
-    mirror : float or (r, g, b)
+    mirror : float, (r, g, b) or sequence of (wavelength_nm, reflectance)
         Share that is reflected as by a mirror.
     back : Material, optional
         Material of the other side of a sheet; the same when not given.
@@ -105,9 +57,10 @@ class Material:
 
     def __post_init__(self) -> None:
         for share in ("reflectance", "specular", "mirror"):
-            value = _reflectance(f"Material.{share}", getattr(self, share))
+            value = checked_reflectance(f"Material.{share}", getattr(self, share))
             object.__setattr__(self, share, value)
-        total = float((self.scattered_bands + self.mirror_bands).max())
+        shares = (self.scattered_in(bands) + self.mirror_in(bands) for bands in (3, SPECTRAL))
+        total = max(float(share.max()) for share in shares)
         if total > 1.0 + 1e-12:
             raise InputError(
                 f"Material: reflectance + specular + mirror = {total:g}: must not exceed 1 in any "
@@ -122,28 +75,40 @@ class Material:
     @property
     def bands(self) -> FloatArray:
         """Diffuse reflectance in the three colour bands, shape (3,)."""
-        return _in_bands(self.reflectance)
+        return in_bands(self.reflectance, 3)
 
     @property
     def specular_bands(self) -> FloatArray:
         """Glossy reflectance in the three colour bands, shape (3,)."""
-        return _in_bands(self.specular)
+        return self.specular_in(3)
 
     @property
     def mirror_bands(self) -> FloatArray:
         """Mirroring share in the three colour bands, shape (3,)."""
-        return _in_bands(self.mirror)
+        return self.mirror_in(3)
 
     @property
     def scattered_bands(self) -> FloatArray:
         """Diffuse and glossy reflectance together, shape (3,): what interreflection knows."""
-        return self.bands + self.specular_bands
+        return self.scattered_in(3)
+
+    def specular_in(self, bands: int) -> FloatArray:
+        """Glossy reflectance (b,) in 1, 3 or 20 bands."""
+        return in_bands(self.specular, bands)
+
+    def mirror_in(self, bands: int) -> FloatArray:
+        """Mirroring share (b,) in 1, 3 or 20 bands."""
+        return in_bands(self.mirror, bands)
+
+    def scattered_in(self, bands: int) -> FloatArray:
+        """Diffuse and glossy reflectance (b,) together in 1, 3 or 20 bands."""
+        return in_bands(self.reflectance, bands) + self.specular_in(bands)
 
     @property
     def is_grey(self) -> bool:
         """Whether all bands reflect alike."""
-        shares = (self.bands, self.specular_bands, self.mirror_bands)
-        return all(bool(np.ptp(share) == 0.0) for share in shares)
+        shares = (self.reflectance, self.specular, self.mirror)
+        return all(np.ndim(s) < 2 and bool(np.ptp(s) == 0.0) for s in shares)
 
     @property
     def is_glossy(self) -> bool:
@@ -163,7 +128,7 @@ class Material:
     @property
     def luminous_mirror(self) -> float:
         """Mirroring share of grey light: luminous, and no more than any band has left."""
-        left = 1.0 - float(self.scattered_bands.max())
+        left = 1.0 - max(float(self.scattered_in(bands).max()) for bands in (3, SPECTRAL))
         return min(float(self.mirror_bands @ np.array(LUMINANCE_WEIGHTS)), max(left, 0.0))
 
 
@@ -236,7 +201,8 @@ class Emitter:
         if self.spectrum is not None:
             if self.cct_k != 4000.0:
                 raise InputError("Emitter: give cct_k or spectrum, not both")
-            object.__setattr__(self, "spectrum", _spectrum(self.spectrum))
+            spectrum = checked_spectrum("Emitter.spectrum", self.spectrum, "relative power")
+            object.__setattr__(self, "spectrum", spectrum)
         if self.profile is not None:
             if self.photometry is not None:
                 raise InputError(

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from .arrays import FloatArray
-from .sky_checks import check_cct, store_number
+from .sky_checks import check_sky_color, store_number
 
 #: Patches of each row, from the horizon to the zenith, and the altitudes at which rows end. [deg]
 ROW_COUNTS = (30, 30, 24, 24, 18, 12, 6, 1)
@@ -41,6 +41,9 @@ class PatchSky:
         Horizontal illuminance the luminances are scaled to; as they are when not given. [lx]
     cct_k : float
         Colour of the whole sky. [K]
+    color : {"constant", "chain", "preetham"}
+        Colour by direction, in scenes whose light has a colour: ``cct_k`` everywhere, or modelled;
+        see `patchlight.solver.sky_color`.
     """
 
     luminance_cd_m2: Sequence[float]
@@ -48,6 +51,7 @@ class PatchSky:
     sun_azimuth_deg: float | None = None
     diffuse_illuminance_lx: float | None = None
     cct_k: float = 6500.0
+    color: str = "constant"
 
     def __post_init__(self) -> None:
         try:
@@ -71,7 +75,7 @@ class PatchSky:
         store_number(self, "sun_altitude_deg", 0.0, 90.0, optional=True)
         store_number(self, "sun_azimuth_deg", -360.0, 360.0, optional=True)
         store_number(self, "diffuse_illuminance_lx", 0.0, 1e7, optional=True)
-        check_cct(self)
+        check_sky_color(self)
         if self.diffuse_illuminance_lx and not values.any():
             raise InputError("PatchSky: a black sky cannot be scaled to diffuse_illuminance_lx")
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from ..errors import InputError
 from .arrays import FloatArray, IntArray
+from .bands import LUMINANCE_WEIGHTS, SPECTRAL
+from .colorimetry import SpectralLight
 from .daylight import DaylightShares
 from .elements import Elements
-from .optics import LUMINANCE_WEIGHTS
 from .reprs import result_repr, sensors_repr
 from .scene import SceneData
 from .views import Camera
@@ -23,9 +24,11 @@ UPRIGHT = 1e-6
 
 
 def luminous(values: FloatArray) -> FloatArray:
-    """Photometric value of band values (..., b), b = 1 (grey) or 3 (linear sRGB primaries)."""
+    """Photometric value of band values (..., b), b = 1, 3 or 20; see `bands`."""
     if values.shape[-1] == 1:
         return values[..., 0]
+    if values.shape[-1] == SPECTRAL:
+        return np.asarray(values.sum(axis=-1))
     return np.asarray(values @ np.array(LUMINANCE_WEIGHTS))
 
 
@@ -47,6 +50,8 @@ class SensorResult:
         Daylight factors and their shares, under an overcast sky or where they were asked for. [1]
     outline : tuple of (k, 3) arrays
         Outlines of the measured area. [m]
+    spectral : SpectralLight or None
+        Colour and melanopic values of the light, where they were asked for.
     """
 
     name: str
@@ -58,6 +63,7 @@ class SensorResult:
     components: Mapping[str, FloatArray]
     daylight: DaylightShares | None = None
     outline: tuple[FloatArray, ...] = ()
+    spectral: SpectralLight | None = None
 
     def __repr__(self) -> str:
         return sensors_repr(self)
@@ -82,6 +88,8 @@ class SensorResult:
 
         E_avg_lx, E_min_lx, E_max_lx, U0; DF_avg_percent, DF_median_percent and the means of the
         shares SC, ERC and IRC; of upright sensors the mean vertical sky component VSC_avg_percent.
+        Where light was told by wavelength, EDI_avg_lx and EDI_min_lx, and means over the sensors
+        CCT_avg_K, Duv_avg and DER_avg, unless some sensor's light has none.
         """
         e = self.illuminance_lx
         mean = self.mean(e)
@@ -96,7 +104,34 @@ class SensorResult:
             values["DF_avg_percent"] = 100.0 * self.mean(total)
             values["DF_median_percent"] = 100.0 * weighted_median(total, self.area_m2)
             values |= {name: 100.0 * self.mean(share) for name, share in self._shares().items()}
-        return values
+        return values | self._spectral_metrics
+
+    @property
+    def _spectral_metrics(self) -> dict[str, float]:
+        """Metrics of the colour of light, as far as there are."""
+        told = self.spectral
+        if told is None:
+            return {}
+        edi = told.melanopic_edi_lx
+        values = {"EDI_avg_lx": self.mean(edi), "EDI_min_lx": float(edi.min())}
+        means = {"CCT_avg_K": told.cct_k, "Duv_avg": told.duv, "DER_avg": told.melanopic_der}
+        return values | {k: self.mean(v) for k, v in means.items() if np.isfinite(v).all()}
+
+    @property
+    def _spectral_errors(self) -> dict[str, float]:
+        """Half-width of the error of each of them."""
+        told = self.spectral
+        if told is None:
+            return {}
+        edi, ratio = told.melanopic_edi_lx, np.nan_to_num(told.melanopic_der)
+        error = self.error_lx * (ratio + told.der_error) + self.illuminance_lx * told.der_error
+        return {
+            "EDI_avg_lx": self.mean(error),
+            "EDI_min_lx": float(error[np.argmin(edi)]),
+            "CCT_avg_K": self.mean(told.cct_error_k),
+            "Duv_avg": self.mean(told.duv_error),
+            "DER_avg": self.mean(told.der_error),
+        }
 
     def _shares(self) -> dict[str, FloatArray]:
         """Shares (n,) of the daylight factor by the name of their mean."""
@@ -126,7 +161,7 @@ class SensorResult:
             share = 100.0 * self.mean(self.daylight.error)
             values |= dict.fromkeys(("DF_avg_percent", "DF_median_percent"), share)
             values |= {name: share if v.any() else 0.0 for name, v in self._shares().items()}
-        return values
+        return values | self._spectral_errors
 
 
 def weighted_median(values: FloatArray, weights: FloatArray) -> float:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .arrays import FloatArray, IntArray, check_shape, frozen
+from .bands import SPECTRAL
 from .cad import Certificate
 from .daylight import DaylightFactors
 from .glazing import Glazing
@@ -16,6 +17,7 @@ from .optics import Material
 from .patches import PatchSet
 from .photometry import Web
 from .profiles import Profile
+from .reflectance import Spectrum
 from .sky import Ground, Site, Sky, Sun
 from .views import Camera, Sensors
 
@@ -76,6 +78,8 @@ class Luminaire:
         Correlated colour temperature; not a number where the light is too far from white. [K]
     power_w : float, optional
         Electric power. [W]
+    spectrum : pairs of (wavelength_nm, relative power), optional
+        Of the light; without, it is that of white light of ``cct_k``.
     web : Web, optional
         Directions its light takes; without, it is Lambertian.
     profile : Profile, optional
@@ -89,6 +93,7 @@ class Luminaire:
     color: FloatArray
     cct_k: float
     power_w: float | None = None
+    spectrum: Spectrum | None = None
     web: Web | None = None
     profile: Profile | None = None
 
@@ -227,9 +232,23 @@ class SceneData:
 
     @property
     def is_grey(self) -> bool:
-        """Whether one band is enough: every used material reflects all bands alike."""
+        """Whether every used material reflects all bands alike."""
         used = {int(i) for i in np.unique(self.material_index) if i >= 0}
         return all(self.materials[i].is_grey for i in used)
+
+    @property
+    def bands(self) -> int:
+        """Bands of light: 20 where sensors ask for its spectrum, else 3, or 1 if all is grey."""
+        if any(grid.spectral for grid in self.sensors):
+            return SPECTRAL
+        return 1 if self.is_grey else 3
+
+    @property
+    def without_spectra(self) -> SceneData:
+        """The same with sensors that do not ask for the spectrum; itself if none does."""
+        if self.bands != SPECTRAL:
+            return self
+        return replace(self, sensors=tuple(replace(grid, spectral=False) for grid in self.sensors))
 
     @property
     def groups(self) -> tuple[str, ...]:

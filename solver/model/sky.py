@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from .patch_sky import PatchSky
-from .sky_checks import check_cct, store_number
+from .sky_checks import check_sky_color, check_sun_color, store_number
 
 #: Names of Radiance's gensky for types of CIE S 011, and for skies with a formula of their own.
 SKY_NAMES = {"overcast": 16, "uniform": 5}
@@ -41,6 +41,9 @@ class CIESky:
         Of estimated levels of types 12, ``"clear"`` and ``"intermediate"``; 2.45 when not given.
     cct_k : float
         Colour of the whole sky. [K]
+    color : {"constant", "chain", "preetham"}
+        Colour by direction, in scenes whose light has a colour: ``cct_k`` everywhere, or modelled;
+        see `patchlight.solver.sky_color`.
     """
 
     type: int | str = 16
@@ -51,6 +54,7 @@ class CIESky:
     cct_k: float = 6500.0
     estimated: bool = False
     turbidity: float | None = None
+    color: str = "constant"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "type", _sky_type(self.type))
@@ -70,7 +74,7 @@ class CIESky:
                 "CIESky: give one of diffuse_illuminance_lx, zenith_luminance_cd_m2 and estimated"
             )
         self._check_estimate()
-        check_cct(self)
+        check_sky_color(self)
 
     def _check_estimate(self) -> None:
         if not isinstance(self.estimated, bool):
@@ -124,6 +128,9 @@ class PerezSky:
         Square of the mean distance of the sun over its distance, 0.967 in July to 1.034 in January.
     cct_k : float
         Colour of the whole sky. [K]
+    color : {"constant", "chain", "preetham"}
+        Colour by direction, in scenes whose light has a colour: ``cct_k`` everywhere, or modelled;
+        see `patchlight.solver.sky_color`.
     """
 
     direct_normal_w_m2: float
@@ -133,6 +140,7 @@ class PerezSky:
     dew_point_c: float = 10.97
     sun_nearness: float = 1.0
     cct_k: float = 6500.0
+    color: str = "constant"
 
     def __post_init__(self) -> None:
         store_number(self, "direct_normal_w_m2", 0.0, 1500.0)
@@ -141,7 +149,7 @@ class PerezSky:
         store_number(self, "sun_azimuth_deg", -360.0, 360.0)
         store_number(self, "dew_point_c", -90.0, 40.0)
         store_number(self, "sun_nearness", 0.96, 1.04)
-        check_cct(self)
+        check_sky_color(self)
 
     @property
     def needs_sun(self) -> bool:
@@ -180,6 +188,9 @@ class Sun:
     limb_darkening : bool
         Whether the disc is darker towards its rim, as the sun is at 550 nm; see
         `patchlight.solver.sun_disc`. Shadows are a little sharper then.
+    color : {"constant", "spectrl2"}
+        ``cct_k``, or modelled by its altitude, in scenes whose light has a colour; see
+        `patchlight.solver.sun_spectrum`.
     """
 
     altitude_deg: float
@@ -188,6 +199,7 @@ class Sun:
     angular_radius_arcmin: float = 16.0
     cct_k: float = 5500.0
     limb_darkening: bool = False
+    color: str = "constant"
 
     def __post_init__(self) -> None:
         if not isinstance(self.limb_darkening, bool):
@@ -196,7 +208,7 @@ class Sun:
         store_number(self, "azimuth_deg", -360.0, 360.0)
         store_number(self, "normal_illuminance_lx", 0.0, 1e6)
         store_number(self, "angular_radius_arcmin", 1e-3, 600.0)
-        store_number(self, "cct_k", 1000.0, 25000.0)
+        check_sun_color(self)
 
     @classmethod
     def at(

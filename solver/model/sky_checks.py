@@ -34,6 +34,31 @@ def store_number(
         object.__setattr__(thing, field, finite_number(name, value, low, high))
 
 
-def check_cct(sky: Any) -> None:
-    """Check the colour temperature of a sky: that of daylight."""
+#: Models of the colour of a sky by direction, see `patchlight.solver.sky_color`, and of the sun,
+#: see `patchlight.solver.sun_spectrum`.
+SKY_COLORS, SUN_COLORS = ("constant", "chain", "preetham"), ("constant", "spectrl2")
+#: Colour temperatures where none is given. [K]
+SKY_CCT_K, SUN_CCT_K = 6500.0, 5500.0
+
+
+def check_sky_color(sky: Any) -> None:
+    """Check the colour temperature of a sky, that of daylight, and its colour model."""
     store_number(sky, "cct_k", 4000.0, 25000.0)
+    _check_model(sky, SKY_COLORS, SKY_CCT_K)
+    if sky.color == "preetham" and sky.sun_altitude_deg is None:
+        name = type(sky).__name__
+        raise InputError(f"{name}.color = 'preetham': the sky has no sun; give sun_altitude_deg")
+
+
+def check_sun_color(sun: Any) -> None:
+    """Check the colour temperature of the sun, and its colour model."""
+    store_number(sun, "cct_k", 1000.0, 25000.0)
+    _check_model(sun, SUN_COLORS, SUN_CCT_K)
+
+
+def _check_model(light: Any, models: tuple[str, ...], cct_k: float) -> None:
+    name = type(light).__name__
+    if light.color not in models:
+        raise InputError(f"{name}.color = {light.color!r}: must be one of {', '.join(models)}")
+    if light.color != "constant" and light.cct_k != cct_k:
+        raise InputError(f"{name}: give cct_k or color = {light.color!r}, not both")

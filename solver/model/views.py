@@ -29,6 +29,8 @@ class Sensors:
         ``"planar"`` illuminance.
     outline : tuple of (k, 3) arrays
         Closed outlines of the measured area, for plans. [m]
+    spectral : bool
+        Whether colour temperature and melanopic values are asked for, too.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Sensors:
     area_m2: FloatArray = field(default=None)  # type: ignore[arg-type, assignment]
     quantity: str = "planar"
     outline: tuple[FloatArray, ...] = ()
+    spectral: bool = False
 
     def __post_init__(self) -> None:
         points, normals = frozen(self.points), np.asarray(self.normals, dtype=np.float64)

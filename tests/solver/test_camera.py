@@ -20,8 +20,8 @@ from patchlight.solver.model import (
     ScenePart,
     Sun,
 )
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
 from patchlight.solver.model.bezier import areas, sub_net
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
 from patchlight.solver.model.sky import direction
 from patchlight.solver.skies import ground_luminance, luminance, sun_luminance
 from patchlight.solver.spectra import cct_to_rgb

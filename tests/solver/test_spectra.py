@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from patchlight.solver.errors import InputError
-from patchlight.solver.model.optics import LUMINANCE_WEIGHTS
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
 from patchlight.solver.spectra import cct_to_rgb
 
 
