@@ -151,8 +151,10 @@ def test_what_stands_outside_is_external():
     np.testing.assert_allclose(outside.total, inside.total, rtol=ROUNDING)
     np.testing.assert_array_equal(outside.sky, inside.sky)
     assert (inside.internal > 1e-3 * inside.total).all()
-    np.testing.assert_allclose(outside.internal, 0.0, atol=ROUNDING)
-    np.testing.assert_allclose(outside.external - inside.external, inside.internal, rtol=1e-9)
+    # The light decides at which elements that are hidden in part is looked.
+    least = 1e-5 * inside.total.max()
+    np.testing.assert_allclose(outside.internal, 0.0, atol=least)
+    np.testing.assert_allclose(outside.external - inside.external, inside.internal, atol=least)
     # Of a grey house the last reflection decides: its facade lights the wall opposite, which adds
     # ρ² of a form factor of 0.1 and less; what its own walls reflect stays internal.
     grey = of(simulate(facing(0.5, ("opposite",)), accuracy=0.02))
