@@ -153,6 +153,8 @@ def _from_scene_file(
     file = file.model_copy(update={"model": models})
     _prepare(folder, (path.parent / table.file for table in file.model), options)
     talk.progress("reading models", 0, len(file.model))
+    if file.view_out is not None:
+        talk.note("note: [view_out] is told by `patchlight year` alone")
     scene = build_scene(file, path, cache=options.cache)
     _announce_kernels(talk)
     return scene, resolved_config(_with_options(file, options), path.parent)

@@ -157,6 +157,11 @@ def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
         name = table.get("sensors")
         if isinstance(name, str) and name not in grids:
             problems.append(f"requirements[{k}].sensors: {unknown_grid(name, grids)}")
+    view = values.get("view_out")
+    eyes = view.get("sensors", []) if isinstance(view, dict) else []
+    for name in [eyes] if isinstance(eyes, str) else eyes if isinstance(eyes, list) else []:
+        if isinstance(name, str) and name not in grids:
+            problems.append(f"view_out.sensors: {unknown_grid(name, grids)}")
     sky = values.get("sky")
     name = sky.get("file") if isinstance(sky, dict) else None
     if isinstance(name, str) and name and not (folder / name).is_file():

@@ -253,6 +253,17 @@ class StateTable(Table):
     """Window group whose blinds these are, in a scene with several that are moved apart."""
 
 
+class ViewOutTable(Table):
+    """View out by EN 17037, told by a year: what of the model stands outdoors, and from where."""
+
+    sensors: Text | list[Text] = Field(default_factory=list)
+    """Names of grids at the height of eyes; all when not given."""
+    outside: Text | list[Text] = Field(default_factory=list)
+    """Part patterns of what is seen as landscape."""
+    ground: Text | list[Text] = Field(default_factory=list)
+    """Part patterns of the ground outdoors."""
+
+
 class CameraTable(Table):
     """A view."""
 
@@ -320,6 +331,7 @@ class SceneFile(Table):
     sensors: list[SensorsTable] = Field(default_factory=list)
     cameras: list[CameraTable] = Field(default_factory=list)
     state: list[StateTable] = Field(default_factory=list)
+    view_out: ViewOutTable | None = None
     requirements: list[RequirementTable] = Field(default_factory=list)
 
     def build(self) -> None:
