@@ -148,7 +148,7 @@ def _from_scene_file(
     _refuse(options, ("scale", "unit", "up", "tolerance"), "stand in the scene file")
     if model is None:
         _refuse(options, ("scene",), "is for a STEP file")
-    file = read_scene_file(path, model=model)
+    file = read_scene_file(path, model=model, parts=True)
     models = [table.model_copy(update=options.limits) for table in file.model]
     file = file.model_copy(update={"model": models})
     _prepare(folder, (path.parent / table.file for table in file.model), options)

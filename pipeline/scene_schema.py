@@ -71,6 +71,13 @@ class ModelTable(Table):
     memory_gb: Annotated[Number, Field(gt=0)] | None = None
     """Limit for the memory of the process that does it; what is free when not given. [GB]"""
 
+    def build(self) -> None:
+        """Nothing but a look at the unit: files are read when the whole scene file is right."""
+        from patchlight.importers.units import unit_metres
+
+        if self.unit is not None:
+            unit_metres(self.unit)
+
 
 class MaterialTable(Table):
     """Opaque surface; its three shares are numbers or linear [r, g, b], 1 together at most."""

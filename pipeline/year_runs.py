@@ -85,7 +85,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
         check_day(options.sun_day, weather.starts[0].astype(object).year)
     compile_ahead()
     folder = options.output or Path(f"{path.stem}-patchlight-year")
-    file = read_scene_file(path)
+    file = read_scene_file(path, parts=True)
     for key, usual in (("method", "default"), ("basis", None), ("balanced_mesh", False)):
         if (given := getattr(file, key)) != usual:
             raise InputError(f"{path}: {key} = {given!r}: a year has no such choice; leave it out")
