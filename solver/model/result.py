@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from .arrays import FloatArray, IntArray
@@ -83,8 +84,7 @@ class SensorResult:
         E_avg_lx, E_min_lx, E_max_lx, U0; DF_avg_percent, DF_median_percent and the means of the
         shares SC, ERC and IRC; of upright sensors the mean vertical sky component VSC_avg_percent.
         """
-        e = self.illuminance_lx
-        mean = self.mean(e)
+        mean, e = self.mean(self.illuminance_lx), self.illuminance_lx[self._counted]
         values = {
             "E_avg_lx": mean,
             "E_min_lx": float(e.min()),
@@ -97,6 +97,12 @@ class SensorResult:
             values["DF_median_percent"] = 100.0 * weighted_median(total, self.area_m2)
             values |= {name: 100.0 * self.mean(share) for name, share in self._shares().items()}
         return values
+
+    @property
+    def _counted(self) -> NDArray[np.bool_]:
+        """Sensors (n,) that count: those of no area, which lie inside solids, do not."""
+        found = np.asarray(self.area_m2 > 0.0)
+        return found if found.any() else ~found
 
     def _shares(self) -> dict[str, FloatArray]:
         """Shares (n,) of the daylight factor by the name of their mean."""
@@ -112,8 +118,8 @@ class SensorResult:
     @property
     def metric_errors(self) -> dict[str, float]:
         """Half-width of the numerical error of each of `metrics`, in its unit."""
-        e, error, mean = self.illuminance_lx, self.error_lx, self.mean(self.illuminance_lx)
-        mean_error = self.mean(error)
+        mean, mean_error = self.mean(self.illuminance_lx), self.mean(self.error_lx)
+        e, error = self.illuminance_lx[self._counted], self.error_lx[self._counted]
         values = {
             "E_avg_lx": mean_error,
             "E_min_lx": float(error[np.argmin(e)]),
