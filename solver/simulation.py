@@ -450,7 +450,7 @@ class Simulation:
         """Whether the accuracy asked for was reached; what is doubtful is among the warnings."""
         warnings = self.stages.warnings
         self._warn_dark(solved.sensors, solved.finer.light.luminous())
-        warnings.extend(ledger_warning(solved.balance))
+        warnings.extend(ledger_warning(solved.balance, self.budget.accuracy))
         if self._converged(solved.sensors):
             return True
         warnings.append(accuracy_message(solved.sensors, self.budget.accuracy))
