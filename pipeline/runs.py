@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 #: Name ends of STEP files.
 STEP_SUFFIXES = (".step", ".stp", ".p21")
-#: A scene that takes longer than this is announced. [s]
-LONG_SECONDS = 5.0
+#: A scene that may take longer than this is announced. [s]
+LONG_SECONDS = 10.0
 
 
 @dataclass(slots=True)
@@ -103,11 +103,11 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
 
     method = scene.method if options.method is None else options.method
     basis = scene.basis if method == "default" else None
-    seconds = float(estimate_seconds(data, accuracy, basis))
+    least, most = estimate_seconds(data, accuracy, basis)
     size = f"{len(data.patches)} patches of {len(data.faces)} faces, accuracy {accuracy:g}"
-    announce = talk.note if seconds > LONG_SECONDS else talk.detail
+    announce = talk.note if most > LONG_SECONDS else talk.detail
     if method == "default":
-        announce(f"{size}: expected to take about {_duration(seconds)}")
+        announce(f"{size}: should take {_duration(least)} to {_duration(most)} on two idle cores")
     else:
         talk.note(f"{size}: by the method of 1993, which takes a multiple of the default's time")
     result = simulate(
