@@ -17,7 +17,7 @@ from patchlight.solver.model.arrays import FloatArray
 from .assemble import Options, assemble
 from .occurrences import Looks, Occurrence, bodies, matrix, numbered, segment
 from .step import check_options
-from .xcaf import unit_metres
+from .units import unit_metres
 
 #: CAD faces of each part of models made here, for `cad_face`; forgotten with the model.
 SHAPES: dict[int, list[list[Any]]] = {}

@@ -20,7 +20,8 @@ def read(request: dict[str, Any]) -> tuple[Model, list[list[Any]]]:
     """Model of a STEP file and the CAD faces of its parts."""
     from .assemble import Options, assemble
     from .occurrences import bodies
-    from .xcaf import read_document, unit_metres
+    from .units import unit_metres
+    from .xcaf import read_document
 
     started = time.perf_counter()
     occurrences, declared = read_document(request["path"])

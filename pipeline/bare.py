@@ -18,7 +18,7 @@ from patchlight.solver.model import Air, Emitter, Model, PatchSet, SceneData
 from patchlight.solver.model.arrays import FloatArray
 
 from .assigning import full_path
-from .floors import PlanView
+from .bare_grid import default_grid
 from .frames import up_matrix
 from .scene import Entry, Scene
 from .shells import enclosed_volume, part_shells
@@ -26,8 +26,6 @@ from .shells import enclosed_volume, part_shells
 ACCURACY = 0.05
 SKY_LX = 10_000.0
 LAMP_LM = 1000.0
-#: Cells along the longer side of the default grid.
-CELLS = 12
 LAMP_NAME = "default-lamp"
 
 
@@ -82,7 +80,9 @@ def bare_scene(model: Model, path: Path, *, up: str = "z", scale: float = 1.0) -
     data = scene.freeze()
     if interior is not None:
         remarks.append(_add_lamp(scene, interior, data))
-    grid, remark = _default_grid(data, interior)
+    grid, remark = default_grid(
+        data, None if interior is None or interior.air else interior.patches
+    )
     values["sensors"] = [grid]
     remarks.append(remark)
     camera = _default_camera(data, interior)
@@ -207,52 +207,6 @@ def _add_lamp(scene: Scene, interior: Interior, data: SceneData) -> str:
         f"THE INTERIOR IS CLOSED, no daylight enters: a disc of {LAMP_LM:g} lm and radius "
         f"{radius:.3g} m was added at ({at}) m, under its highest point, shining down"
     )
-
-
-def _default_grid(data: SceneData, interior: Interior | None) -> tuple[dict[str, Any], str]:
-    """Sensors on the largest flat upward face, else at the mid height of the model."""
-    view = PlanView.of(data, np.eye(4))
-    low, high = data.patches.bounds()
-    spacing = _round_spacing(float(max(high[0] - low[0], high[1] - low[1])) / CELLS)
-    upward = view.upward.copy()
-    if interior is not None and not interior.air:
-        bottom, top = interior.patches.bounds()
-        z = view.height
-        upward &= (z >= bottom[2] - 1e-6 * view.size) & (z < top[2] - 1e-6 * view.size)
-    if upward.any():
-        area = np.bincount(
-            data.patches.face_index, weights=np.where(upward, data.patches.areas(), 0.0)
-        )
-        row = int(np.argmax(area))
-        face = data.faces[row]
-        path = data.parts[face.part].path
-        spacing = _round_spacing(math.sqrt(float(area[row])) / CELLS)
-        grid = {
-            "name": "largest-face",
-            "parts": path,
-            "faces": f"#{face.number}",
-            "spacing_m": spacing,
-        }
-        remark = (
-            f"sensors every {spacing:g} m on the largest flat upward face, {path} #{face.number} "
-            f"({area[row]:.3g} m²)"
-        )
-        return grid, remark
-    middle = 0.5 * float(low[2] + high[2])
-    grid = {
-        "name": "mid-height",
-        "z_m": middle,
-        "spacing_m": spacing,
-        "bounds_m": [float(x) for x in (low[0], low[1], high[0], high[1])],
-    }
-    remark = f"no flat upward face: sensors every {spacing:g} m at mid height, z = {middle:.3g} m"
-    return grid, remark
-
-
-def _round_spacing(spacing: float) -> float:
-    """Next smaller 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(spacing))
-    return next(float(f"{k * power:.3g}") for k in (5, 2, 1) if k * power <= spacing * 1.0001)
 
 
 def _default_camera(data: SceneData, interior: Interior | None) -> dict[str, Any]:

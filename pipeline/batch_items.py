@@ -15,7 +15,10 @@ from .output import file_hash
 #: Kept in each finished subfolder, so that a batch that was cut short goes on where it stood.
 RECORD = "batch-item.json"
 #: What of it is taken over.
-KEPT = ("status", "exit_code", "seconds", "faces", "patches", "metrics")
+KEPT = (
+    "status", "exit_code", "seconds", "faces", "patches", "metrics", "errors", "accuracy_reached",
+    "warnings",
+)  # fmt: skip
 #: Statuses of files that have a report of this batch.
 REPORTED = ("ok", "requirement failed", "not converged")
 
@@ -41,8 +44,12 @@ class BatchItem:
         One line why it failed; empty otherwise.
     faces, patches : int or None
         Size of the model.
-    metrics : dict of dict
-        Values by grid and metric.
+    metrics, errors : dict of dict
+        Values by grid and metric, and what each may be off by where that is stated.
+    accuracy_reached : float or None
+        Relative error stated of 95 % of the sensors, that of the worst grid.
+    warnings : list of str
+        Of the run.
     """
 
     name: str
@@ -55,6 +62,9 @@ class BatchItem:
     faces: int | None = None
     patches: int | None = None
     metrics: dict[str, dict[str, float]] = field(default_factory=dict)
+    errors: dict[str, dict[str, float]] = field(default_factory=dict)
+    accuracy_reached: float | None = None
+    warnings: list[str] = field(default_factory=list)
 
     @property
     def ok(self) -> bool:

@@ -227,6 +227,9 @@ def _write_summary(items: list[BatchItem], out: Path) -> str:
             "patches": item.patches,
             "report": item.report,
             "metrics": item.metrics,
+            "errors": item.errors,
+            "accuracy_reached": item.accuracy_reached,
+            "warnings": item.warnings,
         }
         for item in items
     ]

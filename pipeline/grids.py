@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from patchlight.solver.model.arrays import check_finite, unit_vector
 from .frames import transformed_normals, transformed_points
 
 if TYPE_CHECKING:
+    from .floors import PlanView
     from .problems import Problems
     from .scene import Scene
 
@@ -50,7 +52,7 @@ class SensorGrid:
     ----------
     points, normals : (n, 3) arrays
         Positions [m] in scene coordinates and directions the sensors face; one normal (3,) serves
-        all. Averages weigh all points alike.
+        all. Averages weigh all points alike, but those inside solids, which count in no metric.
     name : str
         Key of the result and name of the file.
     quantity : {"planar"}
@@ -222,6 +224,9 @@ def resolved_sensors(
         with problems.under():
             if isinstance(rule, Sensors):
                 sensors = rule
+                if data.closed.any():
+                    view = view or PlanView.of(data, scene.north.T)
+                    sensors = _without_weight_inside(rule, view)
             else:
                 view = view or PlanView.of(data, scene.north.T)
                 if isinstance(rule, PlaneRule):
@@ -232,6 +237,16 @@ def resolved_sensors(
             spectral = grid.spectral
             found.append(_in_world(scene, name, replace(sensors, spectral=spectral)))
     return tuple(found), tuple(notes)
+
+
+def _without_weight_inside(sensors: Sensors, view: PlanView) -> Sensors:
+    """Given points of which those inside solids count in no metric, unless all of them are."""
+    from patchlight.solver.containment import inside_solids
+
+    inside = np.asarray(inside_solids(view.data, sensors.points), dtype=bool)
+    if not inside.any() or inside.all():
+        return sensors
+    return dataclasses.replace(sensors, area_m2=np.where(inside, 0.0, sensors.area_m2))
 
 
 def _in_world(scene: Scene, name: str, sensors: Sensors) -> Sensors:

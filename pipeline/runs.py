@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 #: Name ends of STEP files.
 STEP_SUFFIXES = (".step", ".stp", ".p21")
-#: A scene that takes longer than this is announced. [s]
-LONG_SECONDS = 5.0
+#: A scene that may take longer than this is announced. [s]
+LONG_SECONDS = 10.0
 
 
 @dataclass(slots=True)
@@ -103,11 +103,11 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
 
     method = scene.method if options.method is None else options.method
     basis = scene.basis if method == "default" else None
-    seconds = float(estimate_seconds(data, accuracy, basis))
+    least, most = estimate_seconds(data, accuracy, basis)
     size = f"{len(data.patches)} patches of {len(data.faces)} faces, accuracy {accuracy:g}"
-    announce = talk.note if seconds > LONG_SECONDS else talk.detail
+    announce = talk.note if most > LONG_SECONDS else talk.detail
     if method == "default":
-        announce(f"{size}: expected to take about {_duration(seconds)}")
+        announce(f"{size}: should take {_duration(least)} to {_duration(most)} on two idle cores")
     else:
         talk.note(f"{size}: by the method of 1993, which takes a multiple of the default's time")
     result = simulate(
@@ -148,11 +148,13 @@ def _from_scene_file(
     _refuse(options, ("scale", "unit", "up", "tolerance"), "stand in the scene file")
     if model is None:
         _refuse(options, ("scene",), "is for a STEP file")
-    file = read_scene_file(path, model=model)
+    file = read_scene_file(path, model=model, parts=True)
     models = [table.model_copy(update=options.limits) for table in file.model]
     file = file.model_copy(update={"model": models})
     _prepare(folder, (path.parent / table.file for table in file.model), options)
     talk.progress("reading models", 0, len(file.model))
+    if file.view_out is not None:
+        talk.note("note: [view_out] is told by `patchlight year` alone")
     scene = build_scene(file, path, cache=options.cache)
     _announce_kernels(talk)
     return scene, resolved_config(_with_options(file, options), path.parent)

@@ -39,11 +39,15 @@ def load_scene(path: str | Path, *, cache: bool = True) -> Scene:
         Naming every unknown key, value out of bounds, missing model and pattern without a match.
     """
     path = Path(path)
-    return build_scene(read_scene_file(path), path, cache=cache)
+    return build_scene(read_scene_file(path, parts=True), path, cache=cache)
 
 
-def read_scene_file(path: Path, *, model: Path | None = None) -> SceneFile:
-    """The checked contents of a scene file, with ``model`` in place of its first model file."""
+def read_scene_file(path: Path, *, model: Path | None = None, parts: bool = False) -> SceneFile:
+    """The checked contents of a scene file, with ``model`` in place of its first model file.
+
+    Where anything is wrong with it and ``parts`` are asked for, its models are read to tell of
+    patterns without a match, too; `build_scene` does that of a file that is right.
+    """
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
@@ -58,10 +62,10 @@ def read_scene_file(path: Path, *, model: Path | None = None) -> SceneFile:
         raise InputError(f"{path}: not valid TOML: {error}") from None
     if model is not None and _tables(values, "model"):
         _tables(values, "model")[0]["file"] = str(model.resolve())
-    return checked_scene_file(values, path)
+    return checked_scene_file(values, path, parts=parts)
 
 
-def checked_scene_file(values: dict[str, Any], path: Path) -> SceneFile:
+def checked_scene_file(values: dict[str, Any], path: Path, *, parts: bool = False) -> SceneFile:
     """Check the tables of a scene file; ``path`` names it and roots relative files."""
     from pydantic import ValidationError
 
@@ -74,6 +78,10 @@ def checked_scene_file(values: dict[str, Any], path: Path) -> SceneFile:
     except ValidationError as error:
         problems.add(_problems(error))
     problems.add(_across_tables(values, path.parent))
+    if problems.lines and parts:
+        from .part_problems import part_problems
+
+        problems.add(part_problems(values, path.parent))
     problems.raise_any()
     if file is None:  # a validation error always has a problem; for the type checker
         raise InputError(f"{path}: cannot be used")
@@ -157,6 +165,11 @@ def _across_tables(values: dict[str, Any], folder: Path) -> list[str]:
         name = table.get("sensors")
         if isinstance(name, str) and name not in grids:
             problems.append(f"requirements[{k}].sensors: {unknown_grid(name, grids)}")
+    view = values.get("view_out")
+    eyes = view.get("sensors", []) if isinstance(view, dict) else []
+    for name in [eyes] if isinstance(eyes, str) else eyes if isinstance(eyes, list) else []:
+        if isinstance(name, str) and name not in grids:
+            problems.append(f"view_out.sensors: {unknown_grid(name, grids)}")
     sky = values.get("sky")
     name = sky.get("file") if isinstance(sky, dict) else None
     if isinstance(name, str) and name and not (folder / name).is_file():
@@ -293,7 +306,11 @@ def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
             entry = Entry(named, model, placement, given_name=own, scale=table.scale)
             with problems.under(f"model[{k}].name"):
                 scene.add_entry(entry)
-    problems.raise_any()  # patterns would only repeat that a model is missing
+    if problems.lines:
+        from .part_problems import part_problems
+
+        problems.add(part_problems(file.model_dump(mode="json"), path.parent))
+    problems.raise_any()
     webs: dict[Path, Photometry] = {}
     for k, assign in enumerate(file.assign):
         for what in assign.build():

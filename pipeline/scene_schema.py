@@ -71,6 +71,13 @@ class ModelTable(Table):
     memory_gb: Annotated[Number, Field(gt=0)] | None = None
     """Limit for the memory of the process that does it; what is free when not given. [GB]"""
 
+    def build(self) -> None:
+        """Nothing but a look at the unit: files are read when the whole scene file is right."""
+        from patchlight.importers.units import unit_metres
+
+        if self.unit is not None:
+            unit_metres(self.unit)
+
 
 class MaterialTable(Table):
     """Opaque surface; its three shares are numbers, linear [r, g, b], or [[wavelength_nm, value],
@@ -261,6 +268,17 @@ class StateTable(Table):
     """Window group whose blinds these are, in a scene with several that are moved apart."""
 
 
+class ViewOutTable(Table):
+    """View out by EN 17037, told by a year: what of the model stands outdoors, and from where."""
+
+    sensors: Text | list[Text] = Field(default_factory=list)
+    """Names of grids at the height of eyes; all when not given."""
+    outside: Text | list[Text] = Field(default_factory=list)
+    """Part patterns of what is seen as landscape."""
+    ground: Text | list[Text] = Field(default_factory=list)
+    """Part patterns of the ground outdoors."""
+
+
 class CameraTable(Table):
     """A view."""
 
@@ -328,6 +346,7 @@ class SceneFile(Table):
     sensors: list[SensorsTable] = Field(default_factory=list)
     cameras: list[CameraTable] = Field(default_factory=list)
     state: list[StateTable] = Field(default_factory=list)
+    view_out: ViewOutTable | None = None
     requirements: list[RequirementTable] = Field(default_factory=list)
 
     def build(self) -> None:

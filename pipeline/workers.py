@@ -112,6 +112,10 @@ def judge(item: BatchItem, code: int, out: str, err: str) -> None:
             item.faces, item.patches = int(printed["faces"]), int(printed["patches"])
             for row in printed["metrics"]:
                 item.metrics.setdefault(row["sensor_id"], {})[row["id"]] = row["value"]
+                if row.get("uncertainty") is not None:
+                    item.errors.setdefault(row["sensor_id"], {})[row["id"]] = row["uncertainty"]
+            item.accuracy_reached = printed.get("accuracy_reached")
+            item.warnings = [str(text) for text in printed.get("warnings", [])]
         except (ValueError, KeyError, TypeError):
             item.status = "failed"
         else:

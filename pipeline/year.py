@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 #: Version of what is stored.
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 #: Difference in latitude or longitude of scene and station that is told. [deg]
 FAR_DEG = 1.0
 _LX = {"units": "lx"}
@@ -99,9 +99,10 @@ def simulate_year(
         in lx, with the places of the sensors and what there is outside in each step. ``time`` is
         when each step begins in the standard time of the file, ``clock`` what clocks show,
         ``time_utc`` its middle in universal time. Also ``daylight_factor`` under the overcast sky
-        of type 16, ``sunlight_hours`` on the day, in steps of 5 minutes, and with ``electric`` the
-        light of each group, ``electric_illuminance`` (lamps, sensor), and when it burns,
-        ``electric_on`` (lamps, time).
+        of type 16, ``sunlight_hours`` on the day, in steps of 5 minutes, ``relative_error``, what
+        the light of an even sky may be off by at each sensor, and with ``electric`` the light of
+        each group, ``electric_illuminance`` (lamps, sensor), and when it burns, ``electric_on``
+        (lamps, time).
         Of ``out`` it reads values when they are used.
 
     Raises

@@ -161,7 +161,8 @@ class Filler:
 
         suns = self.skies.suns[self.skies.sun_normal_lx > 0.0]
         found = daylit.coefficients(some, suns=suns)
-        self.store.put(_points_of(k, some), self._points(found, suns))
+        own = {**self._points(found, suns), "relative_error": daylit.relative_errors()[some]}
+        self.store.put(_points_of(k, some), own)
         for done, piece in enumerate(pieces):
             if self.progress is not None:
                 self.progress("year", at[0] + done, at[1])

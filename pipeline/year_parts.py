@@ -99,6 +99,10 @@ def small_dataset(parts: YearParts, filled: Filled) -> tuple[xarray.Dataset, tup
             {"units": "h", "long_name": "sun on a day without clouds", "step_minutes": STEP_MIN},
         ),
     }  # fmt: skip
+    variables["relative_error"] = (
+        of_sensor, filled.points["relative_error"][which],
+        {"units": "1", "long_name": "stated error of the light of an even sky, relative to it"},
+    )  # fmt: skip
     if parts.burns:
         coords["lamps"] = ("lamps", np.array(list(parts.burns), dtype=object))
         dims = ("state", "lamps", "sensor") if stacked else ("lamps", "sensor")

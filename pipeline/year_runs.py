@@ -19,6 +19,10 @@ from .year import simulate_year
 from .year_parts import ALWAYS
 
 if TYPE_CHECKING:
+    from patchlight.solver.view_out import ViewOut
+
+    from .scene import Scene
+    from .scene_schema import SceneFile
     from .talk import Talk
 
 
@@ -52,7 +56,7 @@ class YearRun:
 
 
 def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
-    """Simulate a year and write grids/annual.nc, metrics and run.json.
+    """Simulate a year and write report.html, grids/annual.nc, metrics and run.json.
 
     The folder may hold what an earlier run left that was cut: it goes on from there.
     """
@@ -81,7 +85,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
         check_day(options.sun_day, weather.starts[0].astype(object).year)
     compile_ahead()
     folder = options.output or Path(f"{path.stem}-patchlight-year")
-    file = read_scene_file(path)
+    file = read_scene_file(path, parts=True)
     for key, usual in (("method", "default"), ("basis", None), ("balanced_mesh", False)):
         if (given := getattr(file, key)) != usual:
             raise InputError(f"{path}: {key} = {given!r}: a year has no such choice; leave it out")
@@ -92,6 +96,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     prepare_output(folder, used, force=options.force, own=("grids",))
     talk.progress("reading models", 0, len(file.model))
     scene = build_scene(file, path, cache=options.cache)
+    views = _views(scene, file)
     target = folder / "grids" / "annual.nc"
     target.parent.mkdir(parents=True, exist_ok=True)
     dataset = simulate_year(
@@ -118,11 +123,25 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
             inputs=[_named(one) for one in used],
             scene=_named(path),
             config=resolved_config(file, path.parent),
+            surroundings=scene.freeze(),
+            views=views,
         )
     talk.stop()
     for warning in warnings:
         talk.warn(warning)
     return YearRun(folder, rows, warnings, converged)
+
+
+def _views(scene: Scene, file: SceneFile) -> dict[str, ViewOut]:
+    """View out of the grids that the scene file asks for; none where it does not."""
+    if file.view_out is None:
+        return {}
+    from .viewing import view_out
+
+    asked = file.view_out
+    return view_out(
+        scene, sensors=asked.sensors or None, outside=asked.outside, ground=asked.ground
+    )
 
 
 def _named(path: Path) -> dict[str, str]:
@@ -166,7 +185,18 @@ def year_text(run: YearRun) -> str:
         lines.append(f"{grid}:")
         for row in run.rows:
             if row["sensor_id"] == grid:
-                value = row["value"]
-                told = f"{value:.4g}" if isinstance(value, float) else str(value)
+                told = _shown(row["value"]) + _between(row)
                 lines.append(f"  {row['quantity']:40} {told} {row['unit']}".rstrip())
-    return "\n".join([*lines, str(run.folder / "grids" / "annual.nc")])
+    return "\n".join([*lines, str(run.folder / "report.html")])
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _between(row: dict[str, Any]) -> str:
+    """What a metric may be by the stated error of its light, in brackets; empty for one value."""
+    if row["low"] is None:
+        return ""
+    low, high = _shown(row["low"]), _shown(row["high"])
+    return "" if low == high else f" ({low} to {high})"

@@ -19,6 +19,8 @@ from .run_files import SCHEMA_VERSION, csv_text, tool_version
 
 #: Statuses of an item that needs no second look.
 GOOD = ("ok", "done", "cached")
+#: Ending of the columns of stated errors.
+ERROR = "_error"
 _COLUMNS = ("file", "status", "reason", "seconds", "faces", "patches", "report")
 
 
@@ -29,8 +31,9 @@ def write_batch_summary(items: Iterable[Mapping[str, Any]], folder: str | Path) 
     ----------
     items : iterable of mappings
         ``file``, ``status``, ``reason``, ``seconds``, ``report`` (path relative to ``folder``, or
-        None), ``faces``, ``patches`` and ``metrics`` (numbers by name; a number, or a mapping of
-        numbers by grid). Keys that are missing are shown as empty.
+        None), ``faces``, ``patches``, ``accuracy_reached``, ``warnings`` (texts), ``metrics``
+        (numbers by name; a number, or a mapping of numbers by grid) and ``errors``, what these may
+        be off by. Keys that are missing are shown as empty.
     folder : path
         Made when missing.
 
@@ -52,10 +55,12 @@ def write_batch_summary(items: Iterable[Mapping[str, Any]], folder: str | Path) 
         [
             SCHEMA_VERSION,
             *(_cell(row[c]) for c in _COLUMNS),
-            *(_cell(row["metrics"].get(n)) for n in names),
+            _cell(row["accuracy_reached"]),
+            " | ".join(row["warnings"]),
+            *(_cell(row[kind].get(n)) for n in names for kind in ("metrics", "errors")),
         ]
         for row in rows
-    ]  # fmt: skip
+    ]
     html = (
         environment()
         .get_template("batch.html")
@@ -71,7 +76,8 @@ def write_batch_summary(items: Iterable[Mapping[str, Any]], folder: str | Path) 
             written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         )
     )
-    columns = ["schema_version", *_COLUMNS, *names]
+    both = [name for n in names for name in (n, f"{n}{ERROR}")]
+    columns = ["schema_version", *_COLUMNS, "accuracy_reached", "warnings", *both]
     return {
         "summary.csv": write_text(out / "summary.csv", csv_text(columns, table)),
         "summary.html": write_text(out / "summary.html", str(html)),
@@ -92,7 +98,10 @@ def _row(item: Mapping[str, Any]) -> dict[str, Any]:
         "faces": item.get("faces"),
         "patches": item.get("patches"),
         "report": None if item.get("report") is None else str(item["report"]),
+        "accuracy_reached": item.get("accuracy_reached"),
+        "warnings": [str(text) for text in item.get("warnings") or ()],
         "metrics": dict(_flat(item.get("metrics") or {})),
+        "errors": dict(_flat(item.get("errors") or {})),
     }
 
 
@@ -122,15 +131,16 @@ def _shown(row: dict[str, Any], names: Sequence[str], twice: Collection[str]) ->
         "patches": formats.MISSING if row["patches"] is None else formats.count(row["patches"]),
         # Relative addresses: percent-encoded, and never taken for a scheme.
         "href": "" if not report else "./" + quote(report.replace(os.sep, "/").removeprefix("./")),
-        "values": [_value(row["metrics"].get(name)) for name in names],
+        "reached": formats.percent(row["accuracy_reached"]),
+        "values": [_value(row["metrics"].get(name), row["errors"].get(name)) for name in names],
     }
 
 
-def _value(value: Any) -> str:
+def _value(value: Any, error: float | None) -> str:
     if value is None:
         return formats.MISSING
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return formats.with_error(float(value), digits=3)
+        return formats.with_error(float(value), error, digits=3)
     return str(value)
 
 

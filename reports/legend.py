@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PANEL = 0.95
 
 
-def draw_bar(figure: Figure, scale: Scale, values: NDArray[np.float64]) -> None:
+def draw_bar(figure: Figure, scale: Scale, values: NDArray[np.float64], quantity: str) -> None:
     """Colour bar with one box a class."""
     width, height = figure.get_size_inches()
     tall = min(height - 1.5, 3.0)
@@ -40,7 +40,7 @@ def draw_bar(figure: Figure, scale: Scale, values: NDArray[np.float64]) -> None:
     axes.yaxis.tick_right()
     axes.tick_params(labelsize=7, length=2, width=0.5, pad=2)
     axes.set_xticks([])
-    axes.set_title("E [lx]", size=8, weight="bold", pad=6, loc="left")
+    axes.set_title(quantity, size=8, weight="bold", pad=6, loc="left")
 
 
 def draw_length(figure: Figure, axes: Axes, box: tuple[float, float, float, float]) -> None:

@@ -28,16 +28,23 @@ _MARGINS = (0.5, 0.12, 0.40, 0.12)  # left, right, bottom, top
 
 
 def plan_figure(
-    grid: SensorResult, triangles: NDArray[np.float64], *, north_deg: float = 0.0
+    grid: SensorResult,
+    triangles: NDArray[np.float64],
+    *,
+    north_deg: float = 0.0,
+    quantity: str = "E [lx]",
+    scale: Scale | None = None,
 ) -> tuple[Figure, str]:
     """Plan of ``grid`` with the walls cut from scene triangles (t, 3, 3) [m], and a caption.
 
-    Drawn inside `figures.look`.
+    Drawn inside `figures.look`. Of another ``quantity`` than illuminance its values stand in the
+    place of that, and its ``scale`` is given.
     """
     frame = plane_frame(grid, north_deg)
     uv = frame.project(grid.points)
     values = np.asarray(grid.illuminance_lx, dtype=np.float64)
-    scale = scale_for(values)
+    lines = "isolux lines" if scale is None else "lines"
+    scale = scale_for(values) if scale is None else scale
     lattice = find_lattice(uv, grid.area_m2) if frame.flat else None
     rings = [frame.project(np.asarray(ring)) for ring in grid.outline if len(ring) >= 3]
     area = _extent(uv, lattice, rings)
@@ -47,7 +54,7 @@ def plan_figure(
     figure, axes = _page(box, 6.4 if len(values) > 4 else 3.0)
     if lattice is not None and min(lattice.row.shape) >= 2:
         labels = _draw_field(axes, lattice, values, scale, rings)
-        text = "Smooth colours and isolux lines between the points"
+        text = f"Smooth colours and {lines} between the points"
     elif lattice is not None:
         _draw_cells(axes, lattice, values, scale)
         text = "One cell a point"
@@ -59,7 +66,7 @@ def plan_figure(
     _draw_lines(axes, walls, rings)
     _draw_values(figure, axes, uv, lattice, values, box, labels)
     _finish_axes(axes, frame, box)
-    draw_bar(figure, scale, values)
+    draw_bar(figure, scale, values, quantity)
     draw_length(figure, axes, box)
     if frame.horizontal:
         draw_north(figure, north_deg)

@@ -1,4 +1,4 @@
-"""Files of a year: metrics, values of each point, and ``run.json``."""
+"""Files of a year: page, metrics, values of each point, and ``run.json``."""
 
 from __future__ import annotations
 
@@ -13,14 +13,18 @@ from patchlight.solver.model.arrays import FloatArray
 from .autonomy import UDI_NAMES
 from .files import safe_names, write_text
 from .run_files import SCHEMA_VERSION, csv_text, library_versions, tool_version, write_json
+from .view_rows import VIEW_COLUMNS, view_columns, view_rows
 from .year_caveats import year_remarks
 from .year_metrics import Row, year_rows
+from .year_report import render_year
 from .year_tables import grid_tables
 
 if TYPE_CHECKING:
     import xarray
+    from patchlight.solver.model import SceneData
+    from patchlight.solver.view_out import ViewOut
 
-_METRICS = ("id", "quantity", "sensor_id", "value", "unit")
+_METRICS = ("id", "quantity", "sensor_id", "value", "low", "high", "unit")
 _POINTS = (
     "point_id", "x_m", "y_m", "z_m", "nx", "ny", "nz", "area_m2", "E_mean_lx", "DA300_pct",
     "cDA300_pct", *(f"UDI_{name.replace(' ', '_')}_pct" for name in UDI_NAMES),
@@ -35,8 +39,10 @@ def write_year(
     inputs: Iterable[Mapping[str, str]],
     scene: Mapping[str, str] | None = None,
     config: str = "",
+    surroundings: SceneData | None = None,
+    views: Mapping[str, ViewOut] | None = None,
 ) -> list[Row]:
-    """Write metrics.json, metrics.csv, grids/*.csv and run.json of a year; returns the metrics.
+    """Write report.html, metrics.json, metrics.csv, grids/*.csv and run.json; returns the metrics.
 
     Parameters
     ----------
@@ -51,9 +57,16 @@ def write_year(
         The same of the scene file.
     config : str
         The scene file with all defaults, for config.resolved.toml.
+    surroundings : SceneData, optional
+        The scene: its walls and outlines are drawn in the maps.
+    views : mapping of ViewOut, optional
+        View out of grids, by their name: more rows and columns.
     """
-    tables = grid_tables(dataset)
-    rows = year_rows(dataset, tables)
+    tables, inputs = grid_tables(dataset), [dict(one) for one in inputs]
+    rows, views = year_rows(dataset, tables), views or {}
+    if views:
+        rows += view_rows(views)
+    remarks = year_remarks(dataset)
     write_json(folder / "metrics.json", {"schema_version": SCHEMA_VERSION, "metrics": rows})
     write_text(folder / "metrics.csv", csv_text(_METRICS, [[r[n] for n in _METRICS] for r in rows]))
     if config:
@@ -71,8 +84,12 @@ def write_year(
             table.exposed_h,
             table.sun_h,
         ]
+        names = list(_POINTS)
+        if table.name in views:
+            columns += view_columns(views[table.name])
+            names += VIEW_COLUMNS
         lines = [[f"{value:.9g}" for value in line] for line in zip(*columns, strict=True)]
-        write_text(folder / "grids" / f"{stems[table.name]}.csv", csv_text(_POINTS, lines))
+        write_text(folder / "grids" / f"{stems[table.name]}.csv", csv_text(names, lines))
     settings = dict(dataset.attrs)
     webs = [line.partition(" ") for line in str(settings.pop("photometry", "")).splitlines()]
     record: dict[str, Any] = {
@@ -82,11 +99,15 @@ def write_year(
         "version": tool_version(),
         "libraries": library_versions(),
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
-        "inputs": [dict(one) for one in inputs],
+        "inputs": inputs,
         "scene": None if scene is None else dict(scene),
         "photometry": [{"path": source, "sha256": sha256} for sha256, _, source in webs],
         "settings": settings,
-        "warnings": year_remarks(dataset),
+        "warnings": remarks,
     }
+    page = render_year(
+        dataset, rows, tables, remarks=remarks, inputs=inputs, scene=surroundings, config=config
+    )
+    write_text(folder / "report.html", page)
     write_json(folder / "run.json", record)
     return rows

@@ -24,6 +24,7 @@ from .year_tables import (
     grid_tables,
     has_lm83_hours,
     is_whole_year,
+    light_errors,
     sunlight_key,
     window_groups,
 )
@@ -40,6 +41,10 @@ LEVEL_GRIDS = "level grids"
 def year_rows(dataset: xarray.Dataset, tables: list[GridTable] | None = None) -> list[Row]:
     """Metrics of all grids, one row each, with the columns of ``metrics.csv``.
 
+    ``low`` and ``high`` are the least and most that a metric comes to if all light is less or more
+    by its stated error, see `light_errors`: both are the value of what only the sun's disc makes,
+    and None where the dataset tells no errors.
+
     Those by hours of a whole year are left out of shorter weather, and those of LM-83 where the
     building is not used in its hours: see `year_remarks`. Grids that are level and face up have
     some together, as LEED adds rooms up, where there are several.
@@ -51,7 +56,24 @@ def year_rows(dataset: xarray.Dataset, tables: list[GridTable] | None = None) ->
     tables : list of GridTable, optional
         Of its grids, where they are known already.
     """
-    tables = grid_tables(dataset) if tables is None else tables
+    rows = _rows(dataset, grid_tables(dataset) if tables is None else tables)
+    errors = light_errors(dataset)
+    if errors is None:
+        return [{**row, "low": None, "high": None} for row in rows]
+    less, more = (
+        _rows(dataset, grid_tables(dataset, np.maximum(1.0 + sign * errors, 0.0)))
+        for sign in (-1.0, 1.0)
+    )
+    for row, *others in zip(rows, less, more, strict=True):
+        ends = [row["value"], *(other["value"] for other in others)]
+        # Levels in words go up with the light; shares of hours in a range may go either way.
+        words = isinstance(row["value"], str)
+        row["low"], row["high"] = ends[1:] if words else (min(ends), max(ends))
+    return rows
+
+
+def _rows(dataset: xarray.Dataset, tables: list[GridTable]) -> list[Row]:
+    """The same without ``low`` and ``high``."""
     whole = is_whole_year(dataset)
     by_lm83 = whole and has_lm83_hours(dataset)
     rows: list[Row] = []
@@ -143,7 +165,7 @@ def _by_year(table: GridTable, dataset: xarray.Dataset) -> _Found:
         ("EN17037_median_diffuse_lx", median, "lx"),
     ]
     if "daylight_factor" in dataset and median > 0.0:
-        factor = _of_first_state(dataset, "daylight_factor", table)
+        factor = table.factor * _of_first_state(dataset, "daylight_factor", table)
         mean = float(table.area @ factor / table.area.sum())
         found.append(("DF_mean_pct", 100.0 * mean, "%"))
         provision = provision_by_factor(factor, table.area, median)

@@ -47,6 +47,8 @@ class GridTable:
         Of each point. [m²]
     is_level : bool
         Whether all points face up.
+    factor : (m,) array
+        What light was multiplied with before anything was told of it; see `grid_tables`.
     states : (g, n) int array or None
         State of each window group in each step, by LM-83, where there are some.
     mean_lx, autonomy, continuous : (m,) array
@@ -72,6 +74,7 @@ class GridTable:
     rows: IntArray
     area: FloatArray
     is_level: bool
+    factor: FloatArray
     states: IntArray | None
     provision: YearProvision
     climate: ClimateHours
@@ -86,8 +89,29 @@ class GridTable:
     with_lamps_lx: FloatArray | None = None
 
 
-def grid_tables(dataset: xarray.Dataset) -> list[GridTable]:
+def light_errors(dataset: xarray.Dataset) -> FloatArray | None:
+    """What the light of each sensor (m,) may be off by, relative to it; None where none is told.
+
+    That is the stated error of the even sky, and twice the root mean square of what the sun makes
+    of indirect light is off by, which do not know of each other. Of scenes with states the largest.
+    """
+    if "relative_error" not in dataset:
+        return None
+    stated = np.asarray(dataset["relative_error"].values, dtype=np.float64)
+    worst = stated if stated.ndim == 1 else stated.max(axis=0)
+    return np.hypot(worst, 2.0 * float(dataset.attrs.get("sun_indirect_error", 0.0)))
+
+
+def grid_tables(dataset: xarray.Dataset, factor: FloatArray | None = None) -> list[GridTable]:
     """Each grid of a dataset of `simulate_year`, blinds being as they are in every step.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Of `simulate_year`.
+    factor : (m,) array, optional
+        What the light of each sensor is multiplied with, to know what its error makes of metrics.
+        What comes straight from the sun, whose disc is exact, and from lamps stays as it is.
 
     Raises
     ------
@@ -98,8 +122,9 @@ def grid_tables(dataset: xarray.Dataset) -> list[GridTable]:
     if lacking:
         raise InputError(f"dataset: lacks {', '.join(sorted(lacking))}: not of simulate_year")
     names = np.asarray(dataset["grid"].values).astype(str)
+    factors = np.ones(len(names)) if factor is None else np.asarray(factor, dtype=np.float64)
     return [
-        _table(dataset, name, np.flatnonzero(names == name))
+        _table(dataset, name, np.flatnonzero(names == name), factors)
         for name in dict.fromkeys(names.tolist())
     ]
 
@@ -136,7 +161,7 @@ def sunlight_key(dataset: xarray.Dataset) -> str | None:
     return f"EN17037_sunlight_{day}_level" if in_season else None
 
 
-def _table(dataset: xarray.Dataset, name: str, rows: IntArray) -> GridTable:
+def _table(dataset: xarray.Dataset, name: str, rows: IntArray, factors: FloatArray) -> GridTable:
     occupied = np.asarray(dataset["occupied"].values, dtype=bool)
     minutes = int(dataset.attrs["step_minutes"])
     step_h = minutes / 60.0
@@ -152,6 +177,7 @@ def _table(dataset: xarray.Dataset, name: str, rows: IntArray) -> GridTable:
         rows,
         np.asarray(dataset["area"].values, dtype=np.float64)[rows],
         bool((np.asarray(dataset["nz"].values)[rows] >= _LEVEL).all()),
+        factors[rows],
         _states(dataset, rows),
         YearProvision(sky, step_h),
         ClimateHours(step_h),
@@ -159,6 +185,8 @@ def _table(dataset: xarray.Dataset, name: str, rows: IntArray) -> GridTable:
     parts: dict[str, list[FloatArray]] = {}
     for some in _blocks(rows):
         values, sun = _light(dataset, some)
+        if (factors[some] != 1.0).any():
+            values = sun + (values - sun) * factors[some, None].astype(values.dtype)
         light = values[0] if table.states is None else in_states(values, table.states)
         area = table.area[np.searchsorted(rows, some)]
         found = {

@@ -67,18 +67,6 @@ NODES = {"constant": 2, "bilinear": 2, "biquadratic": 3, "corners": 2}
 #: What users may ask for.
 BASES = ("constant", "bilinear", "biquadratic")
 
-#: Wall-clock time on two cores: half of the CPU time of each stage of the demo office (accuracy 0.3
-#: to 0.02) and of a room with one lamp (0.02 and 0.005), the larger per unit of both scenes. [s]
-_START = 0.5
-#: A pair of node and element, with the comparison with a coarser mesh: 0.2 … 0.3 µs.
-_PAIR = 3e-7
-#: A pair of element and lamp patch, to find where to cut, on two meshes.
-_LAMP = 1e-5
-#: A sensor, times the accuracy: lamps and surfaces, and besides them the sky.
-_SENSOR, _SENSOR_SKY = 2.5e-4, 1.2e-3
-#: A pixel of a camera: 2 µs on one core, the picture's file not counted.
-_PIXEL = 1.5e-6
-
 
 @dataclass(frozen=True, slots=True)
 class Budget:
@@ -305,19 +293,6 @@ class Budget:
             "sensor_sky_cell_form_factor": self.sensor_dome_cell_eps,
             "sun_cell_fraction": self.sun_cell_eps,
         }
-
-    def seconds(self, scene: SceneData) -> float:
-        """Rough wall-clock time on two idle cores, without compiling. [s]
-
-        A mesh that is refined because the accuracy is not reached takes as much again or more.
-        """
-        more = 1.0 + (USUALLY_MORE if scene.luminaires else 0.0)
-        pairs = float(self.receivers) * self.elements * more**2
-        cuts = _LAMP * self.elements * int((scene.luminaire_index >= 0).sum())
-        sensor = _SENSOR if scene.sky is None else _SENSOR + _SENSOR_SKY
-        sensors = sum(len(grid) for grid in scene.sensors)
-        pixels = sum(camera.size[0] * camera.size[1] for camera in scene.cameras)
-        return _START + cuts + _PAIR * pairs + sensor / self.accuracy * sensors + _PIXEL * pixels
 
 
 def most_varying(basis: str) -> int:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from .model.reached import accuracy_message
 from .model.result import Result
 from .model.scene import SceneData
 from .model.sky import CIESky, Ground
@@ -59,6 +60,11 @@ def with_daylight_factors(result: Result, run: Callable[[SceneData, str], Result
     other = run(overcast_scene(scene), STAGE)
     seconds = time.perf_counter() - start
     known = set(result.warnings)
+    # What is off by so many lx there is a part of a sky of another level than that of the scene.
+    accuracy = float(other.settings["accuracy"])
+    in_lx = accuracy_message(other.sensors, accuracy)
+    as_factors = accuracy_message(other.sensors, accuracy, as_factors=True)
+    told = [as_factors if text == in_lx else text for text in other.warnings]
     return replace(
         result,
         sensors={
@@ -72,7 +78,7 @@ def with_daylight_factors(result: Result, run: Callable[[SceneData, str], Result
         },
         warnings=(
             *result.warnings,
-            *(f"{STAGE}: {text}" for text in other.warnings if text not in known),
+            *(f"{STAGE}: {text}" for text in told if text not in known),
         ),
         converged=result.converged and other.converged,
     )

@@ -26,6 +26,7 @@ from .field import FieldSolver
 from .memory import available_bytes
 from .model.arrays import FloatArray, IntArray
 from .model.bands import LUMINANCE_WEIGHTS, SPECTRAL
+from .model.reached import relative_errors
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky, Ground
@@ -206,6 +207,17 @@ class DaylitScene:
                 "but skies with a bright part are off by as much"
             )
         return seen.weights
+
+    def relative_errors(self) -> FloatArray:
+        """Stated error (m,) of the light of the even sky at each sensor, relative to it.
+
+        As ``accuracy`` is meant: see `model.reached.relative_errors`. Of dark grids it is 0.
+        """
+        parts = []
+        for grid in self.solved.sensors.values():
+            own = relative_errors(grid)
+            parts.append(own if len(own) else np.zeros(len(grid.points)))
+        return np.concatenate(parts)
 
     def _at(self, name: str) -> FloatArray:
         """One component (m,) at the sensors of all grids. [lx]"""

@@ -12,15 +12,22 @@ from .model.scene import SceneData
 RESIDUAL_BOUND = 1e-3
 
 
-def ledger_warning(balance: Balance) -> tuple[str, ...]:
-    """A line when the ledger does not close; nothing when it does."""
+def ledger_warning(balance: Balance, accuracy: float) -> tuple[str, ...]:
+    """A line when the ledger lacks so much light that it matters for the ``accuracy`` asked for.
+
+    What it lacks is in the stated errors, `OF_LACKING` times: it matters from where that is as much
+    as all else may be.
+    """
+    from .mesh_error import OF_LACKING
+
     found = balance.residual_fraction
-    if abs(found) <= RESIDUAL_BOUND:
+    if abs(found) <= RESIDUAL_BOUND or OF_LACKING * abs(found) <= 0.5 * accuracy:
         return ()
     what = "is lacking" if found > 0.0 else "comes from nowhere"
     return (
         f"flux ledger: {100.0 * abs(found):.2g} % of all light ({abs(balance.residual_lm):.3g} lm) "
-        f"{what}; the bound is {100.0 * RESIDUAL_BOUND:g} % at every accuracy",
+        f"{what}: much beside the accuracy asked for, {accuracy:g}. The stated errors hold it; a "
+        "smaller accuracy makes it less",
     )
 
 

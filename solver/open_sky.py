@@ -28,7 +28,7 @@ from .model.arrays import FloatArray, IntArray
 from .model.scene import SceneData
 from .outside_light import SECTORS, curved_sides
 from .panes import make_panes, shares_through
-from .raycast import RayCaster
+from .raycast import Hits, RayCaster
 from .topology import writable
 
 #: Nodes that a receiver has room for at first and at most, and that a block has: 40 MB.
@@ -121,7 +121,9 @@ class OpenSky:
         if scene.opaque_count < len(scene.patches):
             self._panes = make_panes(scene)
         low, high = scene.patches.bounds()
-        self._lift = 1e-9 * float(np.linalg.norm(high - low))
+        #: Diagonal of the scene. [m]
+        self.size = float(np.linalg.norm(high - low))
+        self._lift = 1e-9 * self.size
 
     def seen(
         self,
@@ -173,6 +175,11 @@ class OpenSky:
         return self.share_and_met(points, directions)[0]
 
     @property
+    def has_obstacles(self) -> bool:
+        """Whether anything can hide anything."""
+        return self._caster is not None
+
+    @property
     def has_panes(self) -> bool:
         """Whether anything is seen through."""
         return self._panes is not None
@@ -191,6 +198,12 @@ class OpenSky:
         if self._caster is None or not len(points):
             return np.ones(len(points), dtype=bool)
         return ~np.asarray(self._caster.any_hit(points, directions, t_min=self._lift), dtype=bool)
+
+    def first_hit(self, points: FloatArray, directions: FloatArray) -> Hits:
+        """What opaque rays (k, 3), (k, 3) meet first."""
+        if self._caster is None:
+            raise ValueError("nothing hides anything here: there is no caster of rays")
+        return self._caster.first_hit(points, directions, t_min=self._lift)
 
     def _nodes(
         self, points: FloatArray, normals: FloatArray, height: float, room: int, finer: int

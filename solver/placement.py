@@ -45,9 +45,11 @@ def check_placement(scene: SceneData, tester: Containment | None = None) -> tupl
         inside = np.flatnonzero(parts >= 0)
         if inside.size:
             first = int(inside[0])
+            counts = bool(grid.area_m2[inside].any())
             lines.append(
                 f"sensors {grid.name!r}: {inside.size} of {len(grid)} points lie inside solids, "
                 f"the first {_place(grid.points[first])} in {scene.parts[parts[first]].path!r}"
+                + ("" if counts else "; they count in no metric")
             )
     lines += _outside_model(scene, 1e-9 * float(np.linalg.norm(high - low)))
     if air is not None:

@@ -137,7 +137,7 @@ def _pieces(nets: FloatArray, kinds: IntArray) -> tuple[IntArray, FloatArray, Fl
     """Pieces of all patches: patch (m,), parameter box (m, 4) and space box (m, 6)."""
     n = len(nets)
     levels = np.zeros(n, dtype=np.int64)
-    cut = np.flatnonzero((kinds == 0) & ~_flat(nets))
+    cut = np.flatnonzero((kinds == 0) & ~flat(nets))
     levels[cut] = 1
     coarse = _half_areas(_cut_boxes(nets[cut], 2)).sum(axis=1)
     fine = _half_areas(_cut_boxes(nets[cut], 4)).sum(axis=1)
@@ -183,7 +183,7 @@ def _half_areas(boxes: FloatArray) -> FloatArray:
     return np.asarray(x * y + y * z + z * x)
 
 
-def _flat(nets: FloatArray) -> IntArray:
+def flat(nets: FloatArray) -> IntArray:
     """Whether all control points lie in a plane to 1e-3 of the patch's size."""
     points = (nets[..., :3] / nets[..., 3:]).reshape(len(nets), 16, 3)
     points = points - points.mean(axis=1, keepdims=True)

@@ -12,6 +12,7 @@ from .budget import BASES, Budget, by_factors_alone, most_varying, scene_bytes
 from .change_bounds import Worth
 from .containment import Containment
 from .daylight import with_daylight_factors
+from .duration import duration
 from .effort import check_effort
 from .errors import GeometryError, InputError
 from .exchange import ROUNDING
@@ -47,9 +48,11 @@ REFINEMENTS = 3
 METHODS = ("default", "nn93")
 
 
-def estimate_seconds(scene: SceneData, accuracy: float = 0.01, basis: str | None = None) -> float:
-    """Rough wall-clock time of `solve` on two cores, without compiling. [s]"""
-    return Budget.of(scene, accuracy, basis or Simulation.basis).seconds(scene)
+def estimate_seconds(
+    scene: SceneData, accuracy: float = 0.01, basis: str | None = None
+) -> tuple[float, float]:
+    """From how many seconds to how many `solve` may take; see `duration`. [s]"""
+    return duration(scene, Budget.of(scene, accuracy, basis or Simulation.basis))
 
 
 def solve(
@@ -450,7 +453,7 @@ class Simulation:
         """Whether the accuracy asked for was reached; what is doubtful is among the warnings."""
         warnings = self.stages.warnings
         self._warn_dark(solved.sensors, solved.finer.light.luminous())
-        warnings.extend(ledger_warning(solved.balance))
+        warnings.extend(ledger_warning(solved.balance, self.budget.accuracy))
         if self._converged(solved.sensors):
             return True
         warnings.append(accuracy_message(solved.sensors, self.budget.accuracy))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .beams import LIFT, STEPS
 from .model.arrays import FloatArray, IntArray
@@ -19,14 +20,17 @@ from .model.bezier import surface_points
 from .model.elements import Elements
 from .model.sky import Sun, direction
 from .open_sky import OpenSky
+from .sun_spots import spots
 from .unknowns import Unknowns, composite
 
 #: Points a part at which it is looked whether an edge crosses it, and from which the mean is told:
 #: the edge is found to an eighth of the part, and errors of parts along it have either sign.
 LOOKS, POINTS = 32, 64
-#: Standard deviation of the share of a part that points tell: evenly spread ones err by N^(−3/4) or
-#: so, half of that as edges cross parts anywhere.
-_DEVIATION = 0.5 * POINTS**-0.75
+#: Points of a part on which there is a spot of the sun (`sun_spots`) that no more than this share
+#: of the light at other points tells of, which is that of one of them.
+SPOT_POINTS, SPOT = 2048, 0.04
+#: Points told of at a time: some 60 MB.
+AT_A_TIME = 200_000
 #: Difference of light at the node and at the points that is none, relative.
 _SAME = 1e-2
 
@@ -62,14 +66,49 @@ def put_sun_means(
     left = free * lit / np.where(most > 0.0, most, 1.0)
     even = (differs <= _SAME * lit) & (np.abs(at_node - left) <= _SAME * left)
     even |= (lit <= _SAME * most) & (at_node <= _SAME * free)
-    some = np.flatnonzero(~even)
-    if len(some):
+    spot = np.zeros(len(rows), dtype=bool)
+    dark = lit <= SPOT * most
+    if sky.has_obstacles and dark.any():
+        spot = dark & _with_spots(elements, unknowns.element[rows], parts, toward, sky)
+    even &= ~spot
+    for some, points in (
+        (np.flatnonzero(~even & ~spot), POINTS),
+        (np.flatnonzero(spot), SPOT_POINTS),
+    ):
+        if not len(some):
+            continue
         found, whole, _ = _mean(
-            elements, unknowns.element[rows[some]], parts[some], POINTS, sun, sky
+            elements, unknowns.element[rows[some]], parts[some], points, sun, sky
         )
         light[rows[some]] = found[:, None] * color
-        variance[rows[some]] += (_DEVIATION * whole) ** 2
-    return len(some)
+        variance[rows[some]] += (_deviation(points) * whole) ** 2
+    return int((~even).sum())
+
+
+def _deviation(points: int) -> float:
+    """Standard deviation of the share of a part that so many points tell.
+
+    Evenly spread ones err by N^(−3/4) or so, half of that as edges cross parts anywhere.
+    """
+    return 0.5 * float(points) ** -0.75
+
+
+def _with_spots(
+    elements: Elements, element: IntArray, parts: FloatArray, toward: FloatArray, sky: OpenSky
+) -> NDArray[np.bool_]:
+    """Parts (k,) of elements that the sun falls on close beside a border of something."""
+    found, at = spots(elements, toward, sky)
+    out = np.zeros(len(parts), dtype=bool)
+    order = np.argsort(element, kind="stable")
+    keys = element[order]
+    first, last = (np.searchsorted(keys, found, side=end) for end in ("left", "right"))
+    for k in range(int((last - first).max(initial=0))):
+        some = np.flatnonzero(first + k < last)
+        own = order[first[some] + k]
+        u, v = at[some].T
+        u0, u1, v0, v1 = parts[own].T
+        out[own[(u >= u0) & (u <= u1) & (v >= v0) & (v <= v1)]] = True
+    return out
 
 
 def _parts(elements: Elements, unknowns: Unknowns) -> tuple[IntArray, FloatArray]:
@@ -106,9 +145,23 @@ def _mean(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mean illuminance (k,) of parts by the sun, and what it is with nothing in the way. [lx]
 
-    Also by how much it differs from one that has the same share of that all over, on average.
+    Also by how much it differs from one that has the same share of that all over, on average. Some
+    parts are told of at a time, with the same numbers however many.
     """
-    turn = np.arange(len(parts) * points).reshape(len(parts), points)
+    out = np.zeros((3, len(parts)))
+    step = max(1, AT_A_TIME // points)
+    for start in range(0, len(parts), step):
+        some = slice(start, start + step)
+        out[:, some] = _some_means(elements, element[some], parts[some], points, start, sun, sky)
+    return out[0], out[1], out[2]
+
+
+def _some_means(
+    elements: Elements, element: IntArray, parts: FloatArray, points: int, first: int, sun: Sun,
+    sky: OpenSky,
+) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """The same of parts of which there are ``first`` before."""
+    turn = first * points + np.arange(len(parts) * points).reshape(len(parts), points)
     a, b = (np.mod(0.5 + turn * step, 1.0) for step in STEPS)
     u = parts[:, :1] + a * (parts[:, 1:2] - parts[:, :1])
     v = parts[:, 2:3] + b * (parts[:, 3:] - parts[:, 2:3])

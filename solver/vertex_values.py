@@ -6,6 +6,10 @@ inside, so the rim is extrapolated: an element's mean is about that of two oppos
 2 · mean − opposite corner, averaged over the elements at the rim corner. Both are exact for
 functions linear in the parameters on even meshes. Corners that hang on the edge of a larger
 neighbour are interpolated along that edge, so that no step shows there.
+
+Where elements about a corner differ by more than `JUMP`, there is an edge of shadow between them,
+as beside plates that hang close to a wall: there bright and dark ones each have a corner of their
+own, as on the rim of a face. A mean of both would darken what is lit, an element wide.
 """
 
 from __future__ import annotations
@@ -18,8 +22,13 @@ from .model.bezier import bernstein
 from .model.elements import Elements
 from .model.scene import SceneData
 
+Hanging = tuple[IntArray, IntArray, IntArray, FloatArray]
 #: Corners closer than this, relative to the scene's size, are one.
 _WELD = 1e-7
+#: Ratio of light on elements that share a corner from which on there is an edge between them, and
+#: the share of the mean of all light below which it is none. Elements are cut where the light of
+#: lamps varies: next to each other it differs by less unless something hides it.
+JUMP, NOTHING = 3.0, 0.01
 #: Columns of a box (u0, u1, v0, v1) at corners (u0, v0), (u1, v0), (u1, v1), (u0, v1).
 _U, _V = (0, 1, 1, 0), (2, 2, 3, 3)
 #: Places on an edge where smaller neighbours may have a corner.
@@ -37,11 +46,11 @@ def corner_values(scene: SceneData, elements: Elements, values: FloatArray) -> F
     if n == 0:
         return np.zeros((0, 4, values.shape[1]))
     u, v = elements.boxes[:, _U], elements.boxes[:, _V]
-    vertex, hanging = _welded(scene, elements, u, v)
-    count = int(vertex.max()) + 1
-    means = np.repeat(values[:, None, :], 4, axis=1)
     # Light that never reaches the part under another solid must not darken what is beside it.
     free = np.where(elements.buried, 0.0, elements.weights).sum(axis=1)
+    vertex, hanging = _parted(*_welded(scene, elements, u, v), values.sum(axis=1), free)
+    count = int(vertex.max()) + 1
+    means = np.repeat(values[:, None, :], 4, axis=1)
     areas = np.repeat(free[:, None], 4, axis=1)
     result, _ = _averaged(means, areas, vertex, count)
     rim = _rim(vertex[free > 0.0], hanging, count)
@@ -73,13 +82,60 @@ def _averaged(
     return np.stack(columns, axis=-1) / np.maximum(total, 1e-300)[:, None], total > 0.0
 
 
+def _parted(
+    vertex: IntArray, hanging: Hanging, light: FloatArray, free: FloatArray
+) -> tuple[IntArray, Hanging]:
+    """Vertices (n, 4) and those hanging, two for one where an edge of shadow runs through it.
+
+    Parameters
+    ----------
+    vertex, hanging : (n, 4) int array, tuple
+        As `_welded` has them.
+    light : (n,) array
+        By which bright elements are told from dark ones.
+    free : (n,) array
+        Area of each that is not buried; elements without any are not looked at.
+    """
+    ids, count = vertex.ravel(), int(vertex.max()) + 1
+    own, counts = np.repeat(light, 4), np.repeat(free > 0.0, 4)
+    most, least = np.zeros(count), np.full(count, np.inf)
+    np.maximum.at(most, ids[counts], own[counts])
+    np.minimum.at(least, ids[counts], own[counts])
+    least = np.minimum(least, most)
+    mean = float(light @ free) / max(float(free.sum()), 1e-300)
+    jump = (most > JUMP * least) & (most > NOTHING * mean)
+    # Between bright and dark in the middle of their ratio; nothing is as dark as a hundredth.
+    between = np.sqrt(most * np.maximum(least, NOTHING * most))
+    dark = jump[ids] & (own < between[ids])
+    other = np.full(count, -1)
+    split = np.unique(ids[dark])
+    other[split] = count + np.arange(len(split))
+    parted = np.where(dark, other[ids], ids)
+    middle, first, second, share = hanging
+    # Each of the two hangs on the edge beside it if that is lit alike.
+    rows = np.arange(len(middle))
+    some = rows[other[middle] >= 0]
+    hung = np.concatenate([middle, other[middle[some]]])
+    rows = np.concatenate([rows, some])
+    size = np.bincount(parted, counts * np.repeat(free, 4), count + len(split))
+    sums = np.bincount(parted, counts * np.repeat(free, 4) * own, count + len(split))
+    level = sums[hung] / np.maximum(size[hung], 1e-300)
+    beside = light[first[rows] // 4]
+    low, high = np.minimum(level, beside), np.maximum(level, beside)
+    alike = (high <= JUMP * low) | (high <= NOTHING * mean)
+    rows, hung = rows[alike], hung[alike]
+    ends = parted[first[rows]], parted[second[rows]]
+    return parted.reshape(-1, 4), (hung, *ends, share[rows])
+
+
 def _welded(
     scene: SceneData, elements: Elements, u: FloatArray, v: FloatArray
-) -> tuple[IntArray, tuple[IntArray, IntArray, IntArray, FloatArray]]:
+) -> tuple[IntArray, Hanging]:
     """Vertices at the corners (n, 4), one for a place, face, side and material; and those hanging.
 
     Hanging are vertices at a quarter, half or three quarters of another element's edge: they come
-    as (vertex, edge's first vertex, edge's second vertex, share along the edge).
+    as (vertex, row of the edge's first corner, row of its second, share along the edge), rows being
+    those of the corners of all elements, four each.
     """
     patches, p, side = scene.patches, elements.patch_index, elements.side
     low, high = patches.bounds()
@@ -110,23 +166,20 @@ def _welded(
     corners = np.unique(places[:count])
     rank[corners] = np.arange(len(corners))
     number = rank[places].reshape(-1, count)
-    first = number[0]
+    first = np.arange(count)
     second = first.reshape(-1, 4)[:, following].ravel()
     hits = [
         (number[k + 1], first, second, np.full(count, share)) for k, share in enumerate(_SHARES)
     ]
     middle, first, second, shares = (np.concatenate(parts) for parts in zip(*hits, strict=True))
-    real = (middle >= 0) & (middle != first) & (middle != second)
+    corner = number[0]
+    real = (middle >= 0) & (middle != corner[first]) & (middle != corner[second])
     middle, rows = np.unique(middle[real], return_index=True)
     hanging = (middle, first[real][rows], second[real][rows], shares[real][rows])
     return number[0].reshape(-1, 4), hanging
 
 
-def _rim(
-    vertex: IntArray,
-    hanging: tuple[IntArray, IntArray, IntArray, FloatArray],
-    count: int,
-) -> IntArray:
+def _rim(vertex: IntArray, hanging: Hanging, count: int) -> IntArray:
     """Whether each vertex lies on an edge that only one element has: (count,) bool."""
     edges = np.stack([vertex, vertex[:, (1, 2, 3, 0)]], axis=-1).reshape(-1, 2)
     edges = np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1)  # collapsed edges have no length

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InputError
 from .arrays import FloatArray, IntArray, check_shape, frozen
 from .patches import PatchSet
+from .reprs import model_repr
 
 #: What the edges of a part can be, as `CadEdges.kind` counts them.
 EDGE_KINDS = ("unknown", "smooth", "sharp", "free", "non-manifold", "degenerate")
@@ -306,3 +307,6 @@ class Model:
     unit: str = "mm"
     warnings: tuple[str, ...] = ()
     edges: CadEdges = field(default_factory=CadEdges.none)
+
+    def __repr__(self) -> str:
+        return model_repr(self)

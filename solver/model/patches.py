@@ -62,6 +62,9 @@ class PatchSet:
             weight = float(nets[bad[0], ..., 3].min())
             raise GeometryError(f"patch {bad[0]}: weight {weight:g}, but weights must be positive")
 
+    def __repr__(self) -> str:
+        return f"<PatchSet: {len(self)} patch{'' if len(self) == 1 else 'es'}>"
+
     def __len__(self) -> int:
         return len(self.control_points)
 

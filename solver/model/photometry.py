@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .arrays import FloatArray, check_finite, check_shape, frozen, unit_vector
+from .reprs import photometry_repr
 
 #: Shapes of the luminous opening.
 SHAPES = ("point", "rectangle", "circle")
@@ -68,6 +69,9 @@ class Photometry:
     sha256: str = ""
     format: str = ""
     remarks: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return photometry_repr(self)
 
     def __post_init__(self) -> None:
         for key in ("c_deg", "gamma_deg", "candela"):

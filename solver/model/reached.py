@@ -46,8 +46,13 @@ def accuracy_reached(result: Result) -> float:
     return max(accuracies_reached(result.sensors).values(), default=0.0)
 
 
-def accuracy_message(sensors: Mapping[str, SensorResult], asked: float) -> str:
-    """Which grids missed the accuracy that was asked for, by how much, and where most."""
+def accuracy_message(
+    sensors: Mapping[str, SensorResult], asked: float, *, as_factors: bool = False
+) -> str:
+    """Which grids missed the accuracy that was asked for, by how much, and where most.
+
+    With ``as_factors`` light is told by the daylight factors that it stands for.
+    """
     missed = []
     for name, reached in accuracies_reached(sensors).items():
         if reached <= asked:
@@ -55,7 +60,11 @@ def accuracy_message(sensors: Mapping[str, SensorResult], asked: float) -> str:
         grid = sensors[name]
         relative = relative_errors(grid)
         worst, many = int(np.argmax(relative)), int((relative > asked).sum())
-        found = f"{lux_text(grid.illuminance_lx[worst])} ± {lux_text(grid.error_lx[worst], 2)} lx"
+        light, error, unit = grid.illuminance_lx[worst], grid.error_lx[worst], "lx"
+        if as_factors and grid.daylight is not None:
+            light, error = 100.0 * grid.daylight.total[worst], 100.0 * grid.daylight.error[worst]
+            unit = "%"
+        found = f"{lux_text(float(light))} ± {lux_text(float(error), 2)} {unit}"
         # Sensors stand a little before their surface: no digits of that.
         extent = float(np.ptp(grid.points, axis=0).max())
         x, y, z = (

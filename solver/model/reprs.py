@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from .cad import Model
+    from .photometry import Photometry
     from .result import Result, SensorResult
 
 #: Grids that are listed.
@@ -48,8 +50,37 @@ def grid_text(grid: SensorResult) -> str:
     if not len(grid.illuminance_lx) or not float(grid.area_m2.sum()) > 0.0:
         return count
     mean, error = grid.mean(grid.illuminance_lx), grid.mean(grid.error_lx)
-    low, high = (lux_text(float(f(grid.illuminance_lx))) for f in (np.min, np.max))
+    counted = grid.illuminance_lx[grid.area_m2 > 0.0]
+    low, high = (lux_text(float(f(counted))) for f in (np.min, np.max))
     return f"{count}, E_avg {lux_text(mean)} ± {lux_text(error, 2)} lx, {low} to {high} lx"
+
+
+def model_repr(model: Model) -> str:
+    """Name and numbers of a CAD model, and where it came from."""
+    counts = (
+        _many(len(model.parts), "part"),
+        _many(len(model.faces), "face"),
+        _many(len(model.patches), "patch", "patches"),
+    )
+    failed = model.certificate.faces_failed
+    parts = [", ".join(counts)]
+    parts += [_many(failed, "failed face")] if failed else []
+    parts += [_many(len(model.warnings), "warning")] if model.warnings else []
+    origin = "" if model.source in ("", model.name) else f" of {model.source}"
+    return f"<Model {model.name!r}{origin}: {'; '.join(parts)}>"
+
+
+def photometry_repr(web: Photometry) -> str:
+    """Name, flux and grid of a photometric web, and its file."""
+    grid = f"{len(web.c_deg)} half-planes x {len(web.gamma_deg)} angles"
+    flux = "" if web.lamp_flux_lm is None else f" of lamps with {web.lamp_flux_lm:g} lm"
+    power = "" if web.power_w is None else f", {web.power_w:g} W"
+    remarks = f"; {_many(len(web.remarks), 'remark')}" if web.remarks else ""
+    return (
+        f"<Photometry {web.name!r}: {web.flux_lm:.4g} lm{flux}{power}, "
+        f"{grid}, up to {float(web.candela.max()):.4g} cd; "
+        f"{web.source or 'no file'}{remarks}>"
+    )
 
 
 def _many(count: int, one: str, more: str = "") -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from .arrays import FloatArray, IntArray
@@ -91,8 +92,7 @@ class SensorResult:
         Where light was told by wavelength, EDI_avg_lx and EDI_min_lx, and means over the sensors
         CCT_avg_K, Duv_avg and DER_avg, unless some sensor's light has none.
         """
-        e = self.illuminance_lx
-        mean = self.mean(e)
+        mean, e = self.mean(self.illuminance_lx), self.illuminance_lx[self._counted]
         values = {
             "E_avg_lx": mean,
             "E_min_lx": float(e.min()),
@@ -133,6 +133,12 @@ class SensorResult:
             "DER_avg": self.mean(told.der_error),
         }
 
+    @property
+    def _counted(self) -> NDArray[np.bool_]:
+        """Sensors (n,) that count: those of no area, which lie inside solids, do not."""
+        found = np.asarray(self.area_m2 > 0.0)
+        return found if found.any() else ~found
+
     def _shares(self) -> dict[str, FloatArray]:
         """Shares (n,) of the daylight factor by the name of their mean."""
         if self.daylight is None:
@@ -147,8 +153,8 @@ class SensorResult:
     @property
     def metric_errors(self) -> dict[str, float]:
         """Half-width of the numerical error of each of `metrics`, in its unit."""
-        e, error, mean = self.illuminance_lx, self.error_lx, self.mean(self.illuminance_lx)
-        mean_error = self.mean(error)
+        mean, mean_error = self.mean(self.illuminance_lx), self.mean(self.error_lx)
+        e, error = self.illuminance_lx[self._counted], self.error_lx[self._counted]
         values = {
             "E_avg_lx": mean_error,
             "E_min_lx": float(error[np.argmin(e)]),

@@ -8,14 +8,18 @@ import pytest
 from patchlight.pipeline.bare import bare_scene
 
 
+def one_shell(model):
+    """The model with an edge that all sides of its parts share."""
+    edges = np.zeros_like(model.patches.edge_index)
+    return replace(model, patches=replace(model.patches, edge_index=edges))
+
+
 @pytest.mark.parametrize("size", [(1, 1, 1), (0.06, 0.06, 0.23), (5, 0.1, 0.1), (0.1, 5, 0.1)])
 def test_the_view_from_outside_holds_the_whole_model(make_model, size):
     """Tall and long ones too, without looking small."""
     center = (3.0, -2.0, 1.0)
     model = make_model("part", {"part": (size, center, False)})
-    one_shell = np.zeros_like(model.patches.edge_index)  # an edge that all sides share
-    model = replace(model, patches=replace(model.patches, edge_index=one_shell))
-    camera = bare_scene(model, Path("part.step")).scene.freeze().cameras[0]
+    camera = bare_scene(one_shell(model), Path("part.step")).scene.freeze().cameras[0]
     assert camera.name == "outside"
     _, rays = camera.rays()
     corners = model.patches.control_points[:, ::3, ::3, :3].reshape(-1, 3) - camera.eye
@@ -39,3 +43,38 @@ def test_a_part_whose_name_holds_signs_of_patterns_is_meant_alone(make_model):
     assert bare.values["sensors"][0]["parts"] == "m/hall [1]*"
     (sensors,) = bare.scene.freeze().sensors
     np.testing.assert_allclose(sensors.points[:, 2], -1.5, atol=2e-3)
+
+
+ROOM = {
+    "floor": ((5, 4, 0.2), (0, 0, -0.1), False),
+    "roof": ((5.6, 4.6, 0.2), (0, 0, 2.9), False),
+    "west": ((0.2, 4, 2.8), (-2.4, 0, 1.4), False),
+    "east": ((0.2, 4, 2.8), (2.4, 0, 1.4), False),
+    "north": ((4.6, 0.2, 2.8), (0, 1.9, 1.4), False),
+}
+
+
+def test_sensors_of_a_room_are_on_its_floor(make_model):
+    """Its roof is the larger upward face, but has no ceiling."""
+    bare = bare_scene(one_shell(make_model("room", ROOM)), Path("room.step"))
+    (grid,) = bare.values["sensors"]
+    assert (grid["name"], grid["parts"]) == ("floor", "room/floor")
+    assert any("with a ceiling above it" in remark for remark in bare.remarks)
+    (sensors,) = bare.scene.freeze().sensors
+    np.testing.assert_allclose(sensors.points[:, 2], 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {name: ROOM[name] for name in ROOM if name != "roof"},
+        # A table is no ceiling of the terrace that it stands on, nor is a plate that lies on it.
+        {"slab": ROOM["floor"], "table": ((1.5, 1, 0.1), (0, 0, 0.7), False)},
+        {"slab": ROOM["floor"], "plate": ((4.9, 3.9, 0.01), (0, 0, 0.05), False)},
+    ],
+)
+def test_without_a_ceiling_sensors_are_on_the_largest_face_and_that_is_said(make_model, parts):
+    bare = bare_scene(one_shell(make_model("open", parts)), Path("open.step"))
+    (grid,) = bare.values["sensors"]
+    assert grid["name"] == "largest-face" and grid["parts"] in ("open/floor", "open/slab")
+    assert any("none has a ceiling above it" in remark for remark in bare.remarks)

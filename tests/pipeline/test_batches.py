@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from patchlight.pipeline import batches, workers
@@ -24,7 +25,12 @@ GOOD = json.dumps(
     {
         "faces": 6,
         "patches": 6,
-        "metrics": [{"sensor_id": "plane", "id": "E_avg_lx", "value": 500.0}],
+        "metrics": [
+            {"sensor_id": "plane", "id": "E_avg_lx", "value": 500.0, "uncertainty": 2.5},
+            {"sensor_id": "plane", "id": "P_W", "value": 40.0, "uncertainty": None},
+        ],
+        "accuracy_reached": 0.005,
+        "warnings": ["kernels are slow"],
     }
 )
 
@@ -73,6 +79,19 @@ def test_bad_files_are_all_named(tmp_path, monkeypatch, capsys):
     assert "0 of 2 files done" in captured.out
     assert [row["status"] for row in rows_of(tmp_path / "out")] == ["failed"] * 2
     assert (tmp_path / "out" / "summary.html").is_file()
+
+
+def test_errors_and_warnings_of_each_file_are_in_the_summary(files, pretend):
+    """Also when it is taken over from an earlier batch."""
+    pretend()
+    (item, *_) = batches.batch(files, "out", jobs=2)
+    assert item.errors == {"plane": {"E_avg_lx": 2.5}}
+    for _ in range(2):
+        row = rows_of(Path("out"))[0]
+        assert (row["plane.E_avg_lx"], row["plane.E_avg_lx_error"]) == ("500.0", "2.5")
+        assert (row["plane.P_W"], row["plane.P_W_error"]) == ("40.0", "")
+        assert (row["accuracy_reached"], row["warnings"]) == ("0.005", "kernels are slow")
+        batches.batch(files, "out", jobs=2)
 
 
 def test_a_file_that_takes_too_long_is_ended(files, pretend):

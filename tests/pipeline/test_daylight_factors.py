@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,9 @@ from patchlight.pipeline import (
     load_scene,
     simulate,
 )
+from patchlight.solver.daylight import with_daylight_factors
 from patchlight.solver.errors import InputError
+from patchlight.solver.model.reached import accuracy_message
 
 from .scene_files import write
 from .window_room import level, quad, window_room
@@ -99,6 +102,22 @@ def test_beside_any_other_light():
     assert set(beside.sensors["plane"].components) == set(plain.sensors["plane"].components)
     assert beside.counters["daylight_factor_pairs_reused"] > 0
     assert beside.stages["daylight factor"] > 0.0
+
+
+def test_an_accuracy_that_was_missed_is_told_in_daylight_factors():
+    """Lux of a sky that nobody asked for would mean nothing."""
+    scene = room(sky=SUNNY)
+    plain = simulate(scene, accuracy=0.1)
+    scene.daylight_factor = True
+
+    def run(data, _):
+        found = simulate(data, accuracy=0.1)
+        missed = accuracy_message(found.sensors, 1e-9)
+        return replace(found, settings={**found.settings, "accuracy": 1e-9}, warnings=(missed,))
+
+    beside = with_daylight_factors(replace(plain, scene=scene.freeze()), run)
+    (text,) = [t for t in beside.warnings if t.startswith("daylight factor: accuracy 1e-09 was")]
+    assert " lx" not in text and " % at (" in text
 
 
 @pytest.mark.parametrize("cache", [True, False])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from patchlight.pipeline import Air, PatchSet, Scene, SensorGrid
 from patchlight.solver.errors import InputError
+from patchlight.solver.placement import check_placement
 
 
 def grid_of(scene, **options):
@@ -194,3 +195,16 @@ def test_sensors_under_furniture_are_dropped(house):
     # The desk, 1.4 x 0.7 m about (2, 1.5), covers cell centres at x, y = 0.125 + k/4.
     assert len(data.sensors[0]) == 16 * 12 - 6 * 2
     assert any("dropped" in note for note in data.notes)
+
+
+def test_given_points_inside_solids_have_no_weight(house):
+    """They stay where their maker put them in the list, unless that is all there are."""
+    scene = Scene(house)
+    scene.add(SensorGrid([(1, 1, 0.8), (2, 1.5, 0.5), (3, 1, 0.8)], (0, 0, 1), name="g"))
+    scene.add(SensorGrid([(2, 1.5, 0.5)], (0, 0, 1), name="inside"))
+    some, every = scene.freeze().sensors
+    assert some.area_m2.tolist() == [1.0, 0.0, 1.0] and len(some) == 3
+    assert every.area_m2.tolist() == [1.0]
+    lines = check_placement(scene.freeze())
+    assert lines[0].startswith("sensors 'g': 1 of 3 points lie inside solids")
+    assert lines[0].endswith("they count in no metric") and "count" not in lines[1]

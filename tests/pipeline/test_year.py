@@ -336,8 +336,8 @@ def step_room(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_command(step_room, capsys):
-    states = '[[state]]\nname = "up"\nabsent = "blind"\n[[state]]\nname = "down"'
-    scene = write(step_room, ROOM.format(more=states))
+    more = '[[state]]\nname = "up"\nabsent = "blind"\n[[state]]\nname = "down"\n[view_out]'
+    scene = write(step_room, ROOM.format(more=more))
     weather = epw(step_room)
     command = ["year", str(scene), "--weather", str(weather), "--accuracy", "0.2", "-o", "out"]
     assert main(command) == 0
@@ -348,12 +348,17 @@ def test_command(step_room, capsys):
     names = {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()}
     assert names == {
         "run.json", "metrics.json", "metrics.csv", "config.resolved.toml", "grids/annual.nc",
-        "grids/desk.csv",
+        "grids/desk.csv", "report.html",
     }  # fmt: skip
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg") == 2 and "DA300_mean_pct" in page and "EN17037_view_level" in page
     with (out / "grids" / "desk.csv").open(encoding="utf-8") as stream:
         lines = list(csv.DictReader(stream))
     assert len(lines) == 2
     assert float(lines[0]["E_mean_lx"]) > 10.0
+    # The opening is 2 m wide, seen from the two points through a wall 0.2 m thick.
+    assert all(20.0 < float(line["sight_angle_deg"]) < 90.0 for line in lines)
+    assert all(line["view_sky"] == "1" for line in lines)
     record = json.loads((out / "run.json").read_text(encoding="utf-8"))
     assert {item["path"].rsplit("/", 1)[-1] for item in record["inputs"]} == {
         "room.step", "two_days.epw",
@@ -363,6 +368,19 @@ def test_command(step_room, capsys):
     assert main([*command, "--json"]) == 0  # once more into the same folder
     rows = json.loads(capsys.readouterr().out)
     assert {row["sensor_id"] for row in rows} == {"desk"}
+    found = {row["quantity"]: row for row in rows}
+    mean = found["E_mean_lx"]
+    assert mean["low"] < mean["value"] < mean["high"] < 2.0 * mean["value"]
+    assert found["EN17037_view_level"]["value"] in ("none", "minimum", "medium", "high")
+
+
+def test_view_out_asked_of_a_grid_that_there_is_not(tmp_path):
+    from patchlight.pipeline.scene_file import read_scene_file
+
+    (tmp_path / "room.step").touch()
+    asked = '[view_out]\nsensors = ["dsk"]'
+    with pytest.raises(InputError, match=r"view_out\.sensors: .*'dsk'"):
+        read_scene_file(write(tmp_path, ROOM.format(more=asked)))
 
 
 @pytest.mark.parametrize(

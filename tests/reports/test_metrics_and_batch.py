@@ -171,7 +171,9 @@ def test_batch_summary_links_reports_and_shows_failures(tmp_path: Path) -> None:
     items = [
         {"file": "a b#1.step", "status": "ok", "reason": "", "seconds": 12.0, "faces": 12,
          "patches": 60, "report": "a b#1-patchlight/report.html",
-         "metrics": {"plane": {"E_avg_lx": 512.2}, "U0": float("nan")}},
+         "metrics": {"plane": {"E_avg_lx": 512.2}, "U0": float("nan")},
+         "errors": {"plane": {"E_avg_lx": 3.1}}, "accuracy_reached": 0.013,
+         "warnings": ["odd <part>", "no floor"]},
         {"file": "bad<.step", "status": "failed", "reason": "bad<.step: not a STEP file",
          "seconds": None, "faces": None, "patches": None, "report": None, "metrics": {}},
     ]  # fmt: skip
@@ -184,6 +186,11 @@ def test_batch_summary_links_reports_and_shows_failures(tmp_path: Path) -> None:
     with open(written["summary.csv"], newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert rows[0]["plane.E_avg_lx"] == "512.2" and rows[0]["U0"] == ""
+    assert rows[0]["plane.E_avg_lx_error"] == "3.1" and rows[0]["U0_error"] == ""
+    assert rows[0]["accuracy_reached"] == "0.013" and rows[1]["accuracy_reached"] == ""
+    assert rows[0]["warnings"] == "odd <part> | no floor" and rows[1]["warnings"] == ""
+    assert "512.2 ± 3.1" in html and "2 warnings" in html and "odd &lt;part&gt;" in html
+    assert "1.3 %" in html
     assert rows[1]["status"] == "failed" and rows[1]["reason"] == "not a STEP file"
     late = dict(items[0], status="not converged", reason="reached 0.04, asked 0.01")
     html = write_batch_summary([late], tmp_path / "late")["summary.html"].read_text()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from patchlight.reports import year_remarks, year_rows
+from patchlight.reports import write_year, year_remarks, year_rows
 from patchlight.reports.autonomy import (
     continuous_autonomy,
     daylight_autonomy,
@@ -36,6 +36,7 @@ from patchlight.reports.lm83 import (
     sunlight_exposure,
 )
 from patchlight.reports.sunlight import is_in_season, sunlight_hours, sunlight_level
+from patchlight.reports.year_tables import light_errors
 from patchlight.solver.errors import InputError
 
 #: Three points in ten steps.
@@ -447,6 +448,47 @@ def test_rows_of_what_is_told_besides():
     year.attrs.update(sun_day="06-21", sun_above_deg=0.0)
     assert year_remarks(year) == []
     assert not any("EN17037_sunlight" in row["id"] for row in year_rows(year))
+
+
+def test_stated_errors_are_carried_to_the_metrics():
+    """A tenth of 250 + 75 lx decides on 300 lx; what the sun sends straight has no error."""
+    year = dataset()
+    for row in year_rows(year):
+        assert row["low"] is None and row["high"] is None  # none are told
+    year["illuminance"][:] = 310.0
+    year["relative_error"] = "sensor", [0.08, 0.0, 0.02]
+    year.attrs["sun_indirect_error"] = 0.03  # hypot(0.08, 0.06) = 0.1
+    np.testing.assert_allclose(light_errors(year), [0.1, 0.06, np.hypot(0.02, 0.06)])
+    year["sun_illuminance"][:] = 0.0
+    found = {row["id"]: row for row in year_rows(year)}
+    one = found["near.E_mean_lx"]
+    spread = 310.0 * (0.1 + 3.0 * 0.06) / 4.0
+    assert one["low"] == pytest.approx(310.0 - spread)
+    assert one["high"] == pytest.approx(310.0 + spread)
+    sda = found["near.sDA300_50_pct"]
+    assert (sda["low"], sda["value"], sda["high"]) == (0.0, 100.0, 100.0)
+    points = found["near.LEED_option_1_points"]
+    assert (points["low"], points["high"]) == (0, 3)
+    ase = found["near.ASE1000_250h_pct"]
+    assert ase["low"] == ase["value"] == ase["high"] == 0.0
+    level = found["near.EN17037_hour_first_level"]
+    assert (level["low"], level["high"]) == ("none", "minimum")
+    # Of light that is the sun's alone nothing is in doubt.
+    year["sun_illuminance"][:] = 310.0
+    one = {row["id"]: row for row in year_rows(year)}["near.E_mean_lx"]
+    assert one["low"] == one["value"] == one["high"]
+
+
+def test_page_of_a_year(tmp_path):
+    """Of sensors in one place it draws points; without stated errors there are no ranges."""
+    year = dataset()
+    for key in ("x", "y", "z", "nx", "ny"):
+        year[key] = "sensor", [0.0, 0.0, 0.0]
+    year = year.assign_coords(nz=("sensor", [1.0, 1.0, 1.0]))
+    write_year(year, tmp_path, inputs=[{"path": "a.epw", "sha256": "0" * 64}])
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "sDA300_50_pct" in page and "a.epw" in page
+    assert page.count("<svg") == 4 and "stated error" not in page
 
 
 def test_part_of_a_year_has_no_metrics_of_a_year():

@@ -159,6 +159,28 @@ def test_hanging_corners_and_welded_patches_show_no_step():
     assert np.unique(np.round(corners, 12)).tolist() == [1.0, 5.0]
 
 
+def test_an_edge_of_shadow_between_elements_stays_sharp():
+    """Bright and dark elements keep their own light, also where smaller ones hang on larger."""
+    floor = PatchSet.from_bilinear([[(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)]])
+    small = [
+        (0.5 + 0.25 * i, 0.75 + 0.25 * i, 0.5 * j, 0.5 * j + 0.5) for i in (0, 1) for j in (0, 1)
+    ]
+    elements = elements_of(floor, 1, [(0, 0.5, 0, 1), *small])
+    values = np.array([80.0, 2.0, 2.0, 2.0, 2.0])[:, None]
+    corners = corner_values(scene_of(floor), elements, values)[..., 0]
+    assert corners == pytest.approx(np.repeat(values, 4, axis=1))
+    # No light crosses the edge; strips one element wide keep their means.
+    cells = [(0.25 * i, 0.25 * i + 0.25, 0, 1) for i in range(4)]
+    elements = elements_of(floor, 1, cells)
+    values = np.array([60.0, 70.0, 2.0, 3.0])[:, None]
+    corners = corner_values(scene_of(floor), elements, values)[..., 0]
+    assert corners[1, 1] == pytest.approx(70.0) and corners[2, 0] == pytest.approx(2.0)
+    # Light that varies twofold from one to the next is one surface.
+    values = np.array([10.0, 20.0, 40.0, 80.0])[:, None]
+    corners = corner_values(scene_of(floor), elements, values)[..., 0]
+    np.testing.assert_allclose(corners[:-1, 1], corners[1:, 0])
+
+
 def test_buried_elements_do_not_darken_their_neighbours():
     floor = PatchSet.from_bilinear([[(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]])
     elements = elements_of(floor, 4)

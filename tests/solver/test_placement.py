@@ -113,18 +113,19 @@ def test_emitting_faces_of_the_air_itself_are_inside():
 
 
 @pytest.mark.parametrize(
-    ("absorbed", "words"),
+    ("absorbed", "accuracy", "words"),
     [
-        (995.0, ()),
-        (994.9, ("0.11 %", "1.1 lm", "lacking")),
-        (1100.0, ("10 %", "nowhere")),
+        (995.0, 0.001, ()),
+        (994.9, 0.001, ("0.11 %", "1.1 lm", "lacking", "accuracy asked for, 0.001")),
+        (994.9, 0.01, ()),  # counted 2.4 times it is less than half of what is asked
+        (1100.0, 0.1, ("10 %", "nowhere")),
     ],
 )
-def test_a_ledger_that_does_not_close_is_a_warning(absorbed, words):
-    found = ledger_warning(Balance(900.0, 100.0, absorbed, 4.0))
+def test_a_ledger_that_lacks_much_for_the_accuracy_is_a_warning(absorbed, accuracy, words):
+    found = ledger_warning(Balance(900.0, 100.0, absorbed, 4.0), accuracy)
     assert len(found) == (1 if words else 0)
     assert all(word in found[0] for word in words)
 
 
 def test_a_dark_ledger_closes():
-    assert ledger_warning(Balance(0.0, 0.0, 0.0, 0.0)) == ()
+    assert ledger_warning(Balance(0.0, 0.0, 0.0, 0.0), 0.01) == ()

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from patchlight.pipeline import Scene, SensorGrid
 from patchlight.solver.errors import GeometryError, InputError
 from patchlight.solver.model import (
     CIESky,
@@ -139,7 +140,22 @@ def test_unknown_visibility():
 
 def test_estimated_time_grows_with_accuracy():
     times = [estimate_seconds(lit_room(), accuracy) for accuracy in (0.3, 0.05, 0.01)]
-    assert 0.0 < times[0] <= times[1] <= times[2]
+    assert (0.0, 0.0) < times[0] <= times[1] <= times[2]
+    assert all(0.0 < least < most for least, most in times)
+
+
+def test_estimated_time_of_flat_rooms_hardly_grows_with_sensors():
+    """600 sensors under a sky in a flat room take a second; they were told to take minutes."""
+    scene = Scene()
+    scene.add(PatchSet.box((3, 3, 3), (1.5, 1.5, 1.5), inward=True), "room")
+    scene.sky = CIESky(16)
+    scene.add(SensorGrid([(1, 1, 1)], (0, 0, 1), name="one"))
+    few = estimate_seconds(scene.freeze(), 0.01)
+    points = np.random.default_rng(0).uniform(0.5, 2.5, (600, 3))
+    scene.add(SensorGrid(points, (0, 0, 1), name="many"))
+    assert estimate_seconds(scene.freeze(), 0.01)[1] < few[1] + 10.0
+    scene.add(PatchSet.sphere((1.5, 1.5, 1.5), 0.1), "ball")
+    assert estimate_seconds(scene.freeze(), 0.01)[1] > few[1] + 10.0
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from patchlight.pipeline import Scene, SensorGrid, Sun, simulate
-from patchlight.solver import budget, field
+from patchlight.pipeline import Material, PatchSet, Scene, SensorGrid, Sun, simulate
+from patchlight.solver import budget, field, sun_means
 from patchlight.solver.mesh import Boxes, make_elements
 from patchlight.solver.model.sky import direction
 from patchlight.solver.stages import Stages
@@ -94,6 +94,38 @@ def test_sun_that_no_node_sees_comes_in(x, y):
     flux = float((result.components["sun.direct"].sum(axis=1) * result.elements.areas).sum())
     # A spot of few of the 64 points of a part: it is known to a fifth, not to nothing.
     assert flux == pytest.approx(LEVEL * direction(80.0, 180.0)[2] * w * w, rel=0.2)
+
+
+@pytest.mark.parametrize("width", [0.05, 0.03])
+def test_sun_through_a_small_hole_is_all_the_light_there_is(width):
+    """Holes under 6 cm were seen by no ray from the elements; the flux is what passes them."""
+    scene, half, h, rho = Scene(), 2.0, 4.0, 0.5
+    box = PatchSet.box((2 * half, 2 * half, h), (0, 0, 0.5 * h), inward=True)
+    top = box.evaluate(0.5, 0.5).reshape(-1, 3)[:, 2] > 0.99 * h
+    scene.add(box.take(np.flatnonzero(~top)), "walls")
+    x, y = 0.13, 0.31
+    w = 0.5 * width
+    for k, (x0, x1, y0, y1) in enumerate(
+        [(-half, x - w, -half, half), (x + w, half, -half, half), (x - w, x + w, -half, y - w),
+         (x - w, x + w, y + w, half)]
+    ):  # fmt: skip
+        roof = quad((x0, y0, h), (x1, y0, h), (x1, y1, h), (x0, y1, h))
+        scene.add(roof, f"roof {k}", two_sided=True)
+        scene.assign(f"roof {k}", Material(rho))
+    scene.assign("walls", Material(rho))
+    scene.add(SensorGrid([(0, 0, 0.5)], (0, 0, 1), name="plane"))
+    scene.sun = Sun(80.0, 150.0, LEVEL)
+    result = simulate(scene, accuracy=0.05, cache=False)
+    inside = result.elements.nodes.mean(axis=1)[:, 2] < 0.999 * h
+    light = result.components["sun.direct"].sum(axis=1) * result.elements.areas
+    entering = LEVEL * direction(80.0, 150.0)[2] * width**2
+    assert light[inside].sum() == pytest.approx(entering, rel=0.25)
+
+
+def test_means_are_the_same_however_many_are_told_at_a_time(monkeypatch):
+    one = lit_by_sun(35.0, 165.0, 0.1).components["sun.direct"]
+    monkeypatch.setattr(sun_means, "AT_A_TIME", 700)
+    np.testing.assert_array_equal(one, lit_by_sun(35.0, 165.0, 0.1).components["sun.direct"])
 
 
 def test_means_over_parts_do_not_depend_on_what_they_are_taken_from():
