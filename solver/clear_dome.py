@@ -20,7 +20,7 @@ from .model.arrays import FloatArray
 from .model.scene import SceneData
 from .outside_light import Horizon, OutsideLight
 from .surfaces import Receivers
-from .tables import make_facets
+from .tables import facet_turn, make_facets
 
 #: Form factor of what is seen outside that is rounding.
 ROUNDING = 1e-12
@@ -42,7 +42,7 @@ class ClearDome:
     def __init__(self, scene: SceneData, walls: Blockers) -> None:
         self.scene, self.walls = scene, walls
         self.horizon = Horizon(walls, trace=True)
-        self._sources: tuple[int, Sources, FloatArray] | None = None
+        self._sources: tuple[tuple[int, float], Sources, FloatArray] | None = None
 
     def light(self, receivers: Receivers, budget: Budget, *, on_elements: bool) -> OutsideLight:
         """Light of the sky, and of a ground of luminance 1; see `PaneDome.light`."""
@@ -60,16 +60,18 @@ class ClearDome:
 
     def _by_meridians(self, receivers: Receivers, budget: Budget) -> OutsideLight:
         """What meridians see past the whole patches, each of which is one source."""
-        if self._sources is None or self._sources[0] != budget.lines:
+        key = budget.lines, budget.accuracy
+        if self._sources is None or self._sources[0] != key:
             scene, nets = self.scene, self.scene.patches.control_points
             count = np.ones((len(nets), 2), dtype=np.int64)
             elements = make_elements(scene.patches, scene.two_sided, count, nodes=1)
-            facets, lifts = make_facets(elements, nets, self.walls.closed, self.walls.solid)
+            of = nets, self.walls.closed, self.walls.solid
+            facets, lifts = make_facets(elements, *of, turn=facet_turn(budget.accuracy))
             every = np.full(len(elements), _NONE)
             sources = make_sources(elements, nets, every, Scan(facets, budget.lines, every))
             by_patch = np.zeros(len(nets) + 1)  # patch −1 is the last row
             np.maximum.at(by_patch, elements.patch_index, lifts)
-            self._sources = budget.lines, sources, by_patch
+            self._sources = key, sources, by_patch
         _, sources, lifts = self._sources
         rows = form_factor_matrix(
             receivers.nodes,

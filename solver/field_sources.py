@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,14 +18,11 @@ from .model.scene import SceneData
 from .pane_field import PaneField
 from .sights import with_sights
 from .surfaces import Surfaces
-from .tables import FACET_TURN, make_facets, meridians
+from .tables import facet_turn, make_facets, meridians
 
 if TYPE_CHECKING:
     from .solved_field import Field
 
-#: Accuracy from which on facets turn by no more than they usually do: what they hide is off by some
-#: 1e-3, with the second power of the turn, which no sample tells.
-COARSE = 0.03
 #: Size of sampled cells at sensors against those between surfaces.
 SENSOR_SHARE = 0.1
 #: Exitance of elements told by lines of sight, against the mean of all surfaces.
@@ -79,8 +75,8 @@ def sources_of(
         sources = make_sources(opaque, nets, fineness.cell_eps, dim=fineness.dim)
         return sources, np.zeros(len(elements))
     of = nets, blockers.closed, blockers.solid
-    turn = FACET_TURN * math.sqrt(min(1.0, budget.accuracy / COARSE))
-    facets, lifts = make_facets(opaque, *of, budget.size if budget.is_large else 0.0, turn)
+    size = budget.size if budget.is_large else 0.0
+    facets, lifts = make_facets(opaque, *of, size, facet_turn(budget.accuracy))
     facets = with_sights(facets, opaque, blockers.solid, fineness.bright, budget.sights)
     cell_eps = fineness.cell_eps
     exact_above = np.full(len(cell_eps), budget.exact_above)

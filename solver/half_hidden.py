@@ -21,6 +21,12 @@ from .topology import writable
 from .unknowns import BLOCK, Unknowns
 from .walls import walls_under
 
+#: Share that is hidden of an element below which no rays are asked for, for each unit of the error
+#: of moments, and at most.
+LITTLE, LITTLE_AT_MOST = 5.0, 0.05
+#: Pairs that are kept for later runs: so many, or as large a share of all that there are. They take
+#: 8 bytes each, form factors 4.
+KEPT, KEPT_SHARE = 2_000_000, 0.1
 #: Share of the error of moments, of all light that a receiver gets, below which it does not matter
 #: where an element is hidden.
 SMALL = 0.1
@@ -61,7 +67,8 @@ class HalfHidden:
         Parameters
         ----------
         eps : float
-            Accuracy of the light, relative.
+            Error of the share of each node in the form factor of an element, as in
+            `Unknowns.gather`.
         """
         basis = unknowns.basis
         if basis is None or not len(out):
@@ -75,8 +82,9 @@ class HalfHidden:
             return
         at = receivers.nodes, receivers.normals, receivers.weights
         walls, light = walls_under(*at, sources.wall_spheres), writable(light)
-        counters, parts = np.zeros((len(out), 2), dtype=np.int64), []
-        known = self.kept.sights(rows)
+        counters = np.zeros((len(out), 2), dtype=np.int64)
+        known, parts, pairs = self.kept.sights(rows), [], 0
+        most = max(KEPT, int(KEPT_SHARE * rows.factors.size)) if self.kept.keeps(rows) else 0
         for first in range(0, len(out), BLOCK):
             some = slice(first, min(first + BLOCK, len(out)))
             factors = np.asarray(rows.factors[np.arange(some.start, some.stop)])
@@ -94,6 +102,8 @@ class HalfHidden:
                 which,
                 off[which],
                 least[some],
+                min(LITTLE * eps, LITTLE_AT_MOST),
+                not self.scene.glazings,
                 self._tree,
                 self._lift,
                 REACHED,
@@ -103,17 +113,20 @@ class HalfHidden:
                 out[some],
                 counters[some],
             )
-            parts.append(found)
-        self.kept.keep_sights(rows, _joined(parts))
-        pairs, asked = counters.sum(axis=0)
-        self.kept.stages.count({"pairs_half_hidden": int(pairs), "pairs_sighted": int(asked)})
+            pairs += len(found.element)
+            if pairs <= most:
+                parts.append(found)
+        if pairs <= most:
+            self.kept.keep_sights(rows, parts)
+        hidden, asked = counters.sum(axis=0)
+        self.kept.stages.count({"pairs_half_hidden": int(hidden), "pairs_sighted": int(asked)})
 
 
 def _empty(count: NDArray[np.int64]) -> Sights:
     """Room for ``count`` (m,) pairs of each receiver."""
     k = int(count.sum())
     start = np.concatenate([[0], np.cumsum(count)])
-    return Sights(start, np.empty(k, dtype=np.int32), np.empty(k), np.empty(k, np.int32))
+    return Sights(start, np.empty(k, dtype=np.int32), np.empty(k, dtype=np.int32))
 
 
 def _part(known: Sights | None, some: slice) -> Sights:
@@ -122,12 +135,4 @@ def _part(known: Sights | None, some: slice) -> Sights:
         return _empty(np.zeros(some.stop - some.start, dtype=np.int64))
     start = known.start[some.start : some.stop + 1]
     pairs = slice(start[0], start[-1])
-    return Sights(start - start[0], *(values[pairs] for values in known[1:]))
-
-
-def _joined(parts: list[Sights]) -> Sights:
-    """Of the receivers of all ``parts``, one after the other."""
-    count = np.concatenate([np.diff(part.start) for part in parts])
-    start = np.concatenate([[0], np.cumsum(count)])
-    element, whole, seen = (np.concatenate(values) for values in list(zip(*parts, strict=True))[1:])
-    return Sights(start, element, whole, seen)
+    return Sights(start - start[0], known.element[pairs], known.seen[pairs])

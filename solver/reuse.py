@@ -26,8 +26,8 @@ from .budget import Budget
 from .change_bounds import Choose, Worth
 from .exchange import Rows
 from .kept_mesh import Mesh
+from .kept_sights import Sights, joined, without
 from .kept_sky import under_sky
-from .kernels.half_hidden import Sights
 from .model.arrays import FloatArray, MatrixArray
 from .model.scene import SceneData
 from .moved import moved_patches
@@ -344,6 +344,10 @@ class Kept:
         found = self.store.get(last[2])
         return None if found is None else found[0][0]  # type: ignore[no-any-return]
 
+    def keeps(self, rows: Rows) -> bool:
+        """Whether something of ``rows`` can be kept: they are in the store."""
+        return self.store is not None and id(rows.factors) in self._from
+
     def sights(self, rows: Rows) -> Sights | None:
         """Which points of elements the receivers of ``rows`` are known to see."""
         known = self._from.get(id(rows.factors))
@@ -353,19 +357,23 @@ class Kept:
         if found is not None or known.source is None:
             return found
         before: Sights | None = self.store.get(digest("sights", known.source[0]))
-        if before is None:
-            return None
         # What was found anew sees something else.
-        count = np.diff(before.start)
-        kept = np.repeat(~known.source[1], count)
-        start = np.concatenate([[0], np.cumsum(np.where(known.source[1], 0, count))])
-        return Sights(start, *(values[kept] for values in before[1:]))
+        return None if before is None else without(before, known.source[1])
 
-    def keep_sights(self, rows: Rows, sights: Sights) -> None:
-        """Keep which points of elements the receivers of ``rows`` see."""
+    def keep_sights(self, rows: Rows, parts: list[Sights]) -> None:
+        """Keep which points of elements the receivers of ``rows`` see, part after part.
+
+        Not of rows that stay though something has moved: what they see is as it is now, and they
+        are as before.
+        """
         known = self._from.get(id(rows.factors))
-        if known is not None and self.store is not None:
-            self.store.put(digest("sights", known.mark), sights)
+        if known is None or self.store is None or not parts:
+            return
+        found = joined(parts)
+        for old in self.old_rows.values():
+            if old.rows.factors is rows.factors:
+                found = without(found, old.which)
+        self.store.put(digest("sights", known.mark), found)
 
     def gather(self, unknowns: Unknowns, rows: Rows, asked: Ask, light: FloatArray) -> FloatArray:
         """Light (m, b) that receivers get when the unknowns are ``light`` (N, b)."""

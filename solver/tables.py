@@ -18,6 +18,9 @@ from .topology import writable
 FACET_TURN, SMALL_TURN = math.radians(12.0), math.radians(30.0)
 #: Most facets of an element along u or v.
 MAX_FACETS = 16
+#: Accuracy from which on facets turn by no more than they usually do: what they hide is off by some
+#: 1e-3, with the second power of the turn, which no sample tells.
+COARSE = 0.03
 
 
 def _turns(vectors: FloatArray, axis: int) -> FloatArray:
@@ -31,8 +34,14 @@ def _turns(vectors: FloatArray, axis: int) -> FloatArray:
     return np.asarray(angle.sum(axis=axis).max(axis=1))
 
 
+def facet_turn(accuracy: float) -> float:
+    """Largest turn over a facet for an accuracy, as far as `MAX_FACETS` lets it. [rad]"""
+    return FACET_TURN * math.sqrt(min(1.0, accuracy / COARSE))
+
+
 def facet_counts(nets: FloatArray, size: float = 0.0, turn: float = FACET_TURN) -> IntArray:
-    """How many facets (n, 2) each element gets along u and v; none turns by more than ``turn``.
+    """How many facets (n, 2) each element gets along u and v, which turn by ``turn``
+    at most where `MAX_FACETS` are enough for it.
 
     Elements shorter than ``size`` get fewer: facets leave them by no more than they leave one that
     is so long, but where they turn by `SMALL_TURN`. [m]

@@ -16,11 +16,13 @@ from .compiled import lean, parallel
 from .ray_patch import MISS, WORK
 from .spread import exchange
 
-#: Form factor of what is hidden of an element, against that of what is seen, below which it may be
-#: an error of the points.
-LITTLE = 0.05
-#: In the place of a mask: rays were not asked for.
-UNASKED = -1
+#: Distance over radius from which the Gauss points tell the form factor of an element: to 1e-4.
+FAR = 1.0
+#: How far the share that is seen may be from what the points say of it: half a row of them.
+HALF_A_ROW = 0.17
+#: Parts that the share which is hidden is told in where no rays were asked for: it stands in the
+#: place of the mask, as a negative number.
+PARTS = 1_000_000
 
 
 class Sights(NamedTuple):
@@ -32,15 +34,13 @@ class Sights(NamedTuple):
         First pair of each receiver.
     element : (k,) array
         Element of each pair.
-    whole : (k,) array
-        Form factor of the whole element by its Gauss points.
     seen : (k,) array
-        Which of the points are seen, a bit each; or `UNASKED`.
+        Which of its Gauss points are seen, a bit each; below 0 the share that is hidden, see
+        `PARTS`.
     """
 
     start: np.ndarray
     element: np.ndarray
-    whole: np.ndarray
     seen: np.ndarray
 
 
@@ -60,9 +60,9 @@ def count_pairs(factors, which, off, least, known, out):
 
 
 @lean
-def _note(p, j, total, mask, found):
+def _note(p, j, seen, found):
     """Write down a pair. Apart: within a parallel loop Numba drops what is written to a tuple."""
-    found.element[p], found.whole[p], found.seen[p] = j, total, mask
+    found.element[p], found.seen[p] = j, seen
 
 
 @lean
@@ -107,35 +107,45 @@ def _seen(x, n, j, sources, kernel, tree, lift, reached, stack, work):
 
 
 @lean
-def _add_seen(j, mask, factor, kernel, total, basis, light, out):
+def _add_seen(j, mask, factor, seen, kernel, total, basis, light, out):
     """Add what element ``j`` sends more, or less, when only some of its points are seen.
 
     The mean of what is seen, u + (u − h) (1 − V) / V by that of all, u, and of what is hidden, h,
     is off by less than h where most is seen, V > 1/2: where the edge lies between two points is
-    known from V alone.
+    known from V = ``seen`` alone. Light that is nowhere below 0 at the nodes is not sent as less.
     """
     part = 0.0
     for k in range(kernel.shape[0]):
         part += kernel[k] if (mask >> k) & 1 else 0.0
     if part == 0.0 or part == total:
         return
-    seen, away = 1, 1.0
-    if 2.0 * factor > total:
-        seen, part, away = 0, total - part, 1.0 - total / factor
+    share = part / total
+    share = min(max(seen, share - HALF_A_ROW, 1e-3), share + HALF_A_ROW) if seen > 0.0 else share
+    bit, away = 1, 1.0
+    if share > 0.5:
+        bit, part, away = 0, total - part, min(0.0, 1.0 - 1.0 / share)
     at, first = basis.at[basis.pieces[j] - 1], basis.start[j]
-    for u in range(basis.start[j + 1] - first):
-        share = 0.0
-        for k in range(kernel.shape[0]):
-            value = kernel[k] * at[k, u]
-            share += (value / part if (mask >> k) & 1 == seen else 0.0) - value / total
-        for b in range(out.shape[0]):
-            out[b] += factor * away * share * light[first + u, b]
+    for b in range(out.shape[0]):
+        least, mean, some = math.inf, 0.0, 0.0
+        for u in range(basis.start[j + 1] - first):
+            value, of_all, of_some = light[first + u, b], 0.0, 0.0
+            for k in range(kernel.shape[0]):
+                weight = kernel[k] * at[k, u]
+                of_all += weight
+                of_some += weight if (mask >> k) & 1 == bit else 0.0
+            least = min(least, value)
+            mean += value * of_all / total
+            some += value * of_some / part
+        more = away * (some - mean)
+        if least >= 0.0:
+            more = max(more, -mean)
+        out[b] += factor * more
 
 
 @parallel
 def add_half_hidden(
-    points, normals, walls, factors, sources, basis, which, off, least, tree, lift, reached, light,
-    known, found, out, counters,
+    points, normals, walls, factors, sources, basis, which, off, least, little, clear, tree, lift,
+    reached, light, known, found, out, counters,
 ):  # fmt: skip
     """Add to ``out`` what partly hidden elements send more, or less, than if hidden evenly.
 
@@ -155,6 +165,10 @@ def add_half_hidden(
         Elements whose light varies, in order, and by how much from its mean, all columns together.
     least : (m,) array
         Light of an element that may be wrong. What cannot be by more is not looked at.
+    little : float
+        Share that is hidden of an element below which it may be an error of the points.
+    clear : bool
+        Whether form factors lack what is hidden, and nothing else: no glass dims them.
     tree : Tree
         What hides, for rays.
     lift : float
@@ -181,28 +195,34 @@ def add_half_hidden(
             if not matters and c < which.shape[0]:
                 continue
             while k < end and known.element[k] < j:
-                _note(p, known.element[k], known.whole[k], known.seen[k], found)
+                _note(p, known.element[k], known.seen[k], found)
                 k, p = k + 1, p + 1
             if not matters:
                 continue
-            factor, filled = float(factors[i, j]), False
+            factor, total, seen = float(factors[i, j]), 0.0, j * 0
             if k < end and known.element[k] == j:
-                total, mask = known.whole[k], j * 0 + known.seen[k]
+                seen += known.seen[k]
                 k += 1
             else:
-                total, mask, filled = _find_kernel(x, n, j, sources, kernel), UNASKED, True
-            # What is hidden of it, or seen, is all that can be bright or dark.
-            hidden = total - factor
-            some = hidden > LITTLE * factor and hidden * off[c] > least[i]
-            some = some and basis.pieces[j] > 0
-            some = some and (walls[i] < 0 or sources.wall[j] != walls[i])
+                total = _find_kernel(x, n, j, sources, kernel)
+                seen -= 1 + int(PARTS * min(max(1.0 - factor / max(total, 1e-300), 0.0), 0.999))
+            some = basis.pieces[j] > 0 and (walls[i] < 0 or sources.wall[j] != walls[i])
+            if seen < 0:
+                # What is hidden of it, or seen, is all that can be bright or dark.
+                hidden = (-1 - seen) / PARTS
+                some = some and hidden > little
+                some = some and factor * hidden / (1.0 - hidden) * off[c] > least[i]
             if some:
-                if not filled:
-                    _find_kernel(x, n, j, sources, kernel)
-                if mask == UNASKED:
-                    mask = _seen(x, n, j, sources, kernel, tree, lift, reached, stack, work)
+                if total == 0.0:
+                    total = _find_kernel(x, n, j, sources, kernel)
+                if seen < 0:
+                    seen = _seen(x, n, j, sources, kernel, tree, lift, reached, stack, work)
                     counters[i, 1] += 1
                 counters[i, 0] += 1
-                _add_seen(j, mask, factor, kernel, total, basis, light, out[i])
-            _note(p, j, total, mask, found)
+                away = (sources.spheres[j, 0] - x[0]) ** 2 + (sources.spheres[j, 1] - x[1]) ** 2
+                away += (sources.spheres[j, 2] - x[2]) ** 2
+                told = clear and away > (FAR * sources.spheres[j, 3]) ** 2
+                share = factor / max(total, 1e-300) if told else -1.0
+                _add_seen(j, seen, factor, share, kernel, total, basis, light, out[i])
+            _note(p, j, seen, found)
             p += 1
