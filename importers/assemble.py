@@ -154,7 +154,8 @@ def _orient(out: Converted, senses: list[Senses]) -> None:
         out.notes.append(f"the shell was inconsistent: {sum(turned)} faces turned over")
         nets = [f.nets for f in out.faces if len(f.nets)]
     every = np.concatenate(nets)
-    volume, vector, area = moments.volume_and_vector(every)
+    # Four points a direction are 1e-6 on quarters of a turn: signs are asked for, and a thousandth.
+    volume, vector, area = moments.volume_and_vector(every, order=4)
     # Free edges, and faces that are missing, are named by themselves.
     complete = len(nets) == len(out.faces) and not any(f.free_edge for f in out.faces)
     if complete and np.linalg.norm(vector) > 1e-3 * area:
@@ -221,13 +222,18 @@ def assemble(
         area_factor = metres**2 * float(linear[0] * linear[1])
         moved = placement @ np.diag(scaled)
         edges.append(found.edges.of_faces_from(len(faces)))
+        count = [len(face.nets) for face in found.faces]
+        if any(count):
+            sides = np.concatenate([face.edges for face in found.faces])
+            own = PatchSet(
+                np.concatenate([face.nets for face in found.faces]),
+                np.repeat(len(faces) + np.arange(len(count)), count),
+                np.full(len(sides), row),
+                np.where(sides >= 0, sides + edge_base, -1),
+            )
+            sets.append(own.moved(moved))
+        length = metres * float(linear[0])
         for number, (face, looks) in enumerate(zip(found.faces, inner, strict=True), 1):
-            if len(face.nets):
-                sides = np.where(face.edges >= 0, face.edges + edge_base, -1)
-                n = len(face.nets)
-                patches = PatchSet(face.nets, np.full(n, len(faces)), np.full(n, row), sides)
-                sets.append(patches.moved(moved))
-            length = metres * float(linear[0])
             faces.append(
                 Face(
                     part=row, number=number, kind=face.kind, exact=face.exact,

@@ -122,6 +122,8 @@ def split_by_turning(curve: Curve, a: float, b: float, limit: float = QUARTER) -
     if isinstance(curve, Conic) and curve.kind == "ellipse":
         n = max(1, math.ceil((b - a) / limit - 1e-9))
         return np.linspace(a, b, n + 1)
+    if isinstance(curve, BSpline) and curve.turns_less(limit):
+        return np.array([a, b])
     t, total, kinks = turning(curve, a, b)
     stations = [a]
     for low, high in zip([a, *kinks], [*kinks, b], strict=True):

@@ -36,8 +36,7 @@ def metric(surface: Surface, low: FloatArray, high: FloatArray) -> FloatArray:
     """Mean |P_u| and |P_v| over a box: scale factors that make (u, v) look like the surface."""
     g = (np.arange(6) + 0.5) / 6
     u, v = np.meshgrid(low[0] + g * (high[0] - low[0]), low[1] + g * (high[1] - low[1]))
-    _, pu, pv = surface.evaluate(u.ravel(), v.ravel())
-    out = np.array([np.linalg.norm(pu, axis=-1).mean(), np.linalg.norm(pv, axis=-1).mean()])
+    out = np.array([speed.mean() for speed in surface.speeds(u.ravel(), v.ravel())])
     if not (np.isfinite(out).all() and (out > 0.0).all()):
         raise GeometryError("the surface is degenerate over the whole face")
     return out
@@ -50,8 +49,8 @@ def unwrapped(face: RawFace, surface: Surface) -> list[list[tuple[EdgeUse, Float
         shifted: list[tuple[EdgeUse, FloatArray]] = []
         at: FloatArray | None = None
         for use in uses:
-            assert use.curve is not None
-            ends = use.curve.evaluate(np.array([use.start, use.end]))
+            assert use.places is not None
+            ends = use.places[[0, -1]]
             if use.reversed:
                 ends = ends[::-1]
             shift = np.zeros(2)
@@ -67,16 +66,12 @@ def unwrapped(face: RawFace, surface: Surface) -> list[list[tuple[EdgeUse, Float
 
 
 def curved_domain(face: RawFace, surface: Surface) -> Domain:
-    """Loops of a face on a curved surface from its curves in (u, v)."""
+    """Loops of a face on a curved surface from its curves in (u, v), at `EdgeUse.places`."""
     chains = unwrapped(face, surface)
-    points = []
-    for loop in chains:
-        for use, shift in loop:
-            t = np.linspace(use.start, use.end, 9)
-            points.append(use.curve.evaluate(t) + shift)  # type: ignore[union-attr]
+    points = [(use.places, shift) for loop in chains for use, shift in loop]
     if not points:
         raise GeometryError("the face has no boundary")
-    every = np.concatenate(points)
+    every = np.concatenate([p + shift for p, shift in points if p is not None])
     low, high = every.min(axis=0), every.max(axis=0)
     if not (high > low).all():
         raise GeometryError("the boundary encloses no area")
@@ -179,7 +174,7 @@ def _closed_curved(
     surface: Surface,
 ) -> Loop:
     """Loop without zero arcs; openings (a missing pole or seam) bridged by chords."""
-    arcs = [a for a in arcs if np.ptp(a.samples, axis=0).max() > 1e-8 * size]
+    arcs = [a for a in arcs if a.extent > 1e-8 * size]
     if not arcs:
         return []
     scale = arcs[0].scale

@@ -47,6 +47,15 @@ class Line(Curve):
         return np.broadcast_to(self.direction, (*np.shape(t), len(self.direction)))
 
 
+def conic_functions(kind: str, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """f(t) and g(t) of a `Conic`."""
+    if kind == "ellipse":
+        return np.cos(t), np.sin(t)
+    if kind == "hyperbola":
+        return np.cosh(t), np.sinh(t)
+    return t * t, t
+
+
 @dataclass(slots=True)
 class Conic(Curve):
     """centre + f(t) x + g(t) y with (f, g) = (cos, sin), (cosh, sinh) or (t²/4F, t)."""
@@ -57,12 +66,8 @@ class Conic(Curve):
     y: FloatArray
 
     def evaluate(self, t: FloatArray) -> FloatArray:
-        t = np.asarray(t)[..., None]
-        if self.kind == "ellipse":
-            return np.asarray(self.center + np.cos(t) * self.x + np.sin(t) * self.y)
-        if self.kind == "hyperbola":
-            return np.asarray(self.center + np.cosh(t) * self.x + np.sinh(t) * self.y)
-        return np.asarray(self.center + t * t * self.x + t * self.y)
+        f, g = conic_functions(self.kind, np.asarray(t)[..., None])
+        return np.asarray(self.center + f * self.x + g * self.y)
 
     def slope(self, t: FloatArray) -> FloatArray:
         t = np.asarray(t)[..., None]
@@ -118,6 +123,23 @@ class BSpline(Curve):
 
     def breaks(self, a: float, b: float) -> FloatArray:
         return nurbs.knots_between(self.knots, self.period, a, b)
+
+    def turns_less(self, limit: float) -> bool:
+        """Whether a polynomial of one piece turns by less than ``limit`` [rad] for certain.
+
+        Raising the degree cuts corners off its polygon, which cannot make that turn more, and the
+        polygons tend to the curve.
+        """
+        net = self.pieces[0]
+        if len(self.pieces) > 1 or (net[:, -1] != net[0, -1]).any():
+            return False
+        legs = np.diff(net[:, :-1], axis=0)
+        size = np.sqrt((legs * legs).sum(axis=1))
+        if not (size > 0.0).all():
+            return False
+        legs /= size[:, None]
+        cosines = (legs[1:] * legs[:-1]).sum(axis=1)
+        return float(np.arccos(np.clip(cosines, -1.0, 1.0)).sum()) < limit
 
 
 @dataclass(slots=True)

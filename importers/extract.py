@@ -89,7 +89,8 @@ class Edge:
 class EdgeUse:
     """An edge on a face: its curve in (u, v) and the sense in which the loop runs along it.
 
-    ``degenerate`` is also what edges without a curve in space are converted as.
+    ``degenerate`` is also what edges without a curve in space are converted as. ``places`` (9, 2)
+    are points in (u, v), evenly from ``start`` to ``end``, from `edge_gaps`.
     """
 
     edge: Edge
@@ -98,6 +99,7 @@ class EdgeUse:
     end: float
     reversed: bool
     degenerate: bool
+    places: FloatArray | None = None
 
 
 @dataclass(slots=True)

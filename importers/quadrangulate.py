@@ -33,6 +33,9 @@ GROWTH = 4
 ROUNDS = 2
 #: What a round costs in which little is new, against one from the start.
 KEPT_COST = 0.4
+#: Rounds after which halving is given up where there are cells and it makes no fewer of them bad:
+#: beside a place where two sides touch there always is a cusp.
+IN_VAIN = 4
 #: Halvings of a boundary where it comes near to itself: a 4000th of an arc.
 MOST_ROUNDS = 12
 
@@ -246,6 +249,7 @@ def _general(
     for sectors in tries:
         current: list[Loop] = loops
         mesh = Mesh(chord)
+        vain = 0
         folds: dict[int, bool] = {}
         for round_ in range(MOST_ROUNDS):
             for _ in range(6):
@@ -280,8 +284,11 @@ def _general(
                         worst |= {id(a): [] for a in cell.sides if a is not None and not a.straight}
             if cells is not None and not worst:
                 return extra + cells
+            vain += 1
             if cells is not None and (fallback is None or len(worst) < fewest):
-                fallback, fewest = extra + cells, len(worst)
+                fallback, fewest, vain = extra + cells, len(worst), 0
+            if vain == IN_VAIN and fallback is not None:
+                break
             if cells is None:
                 every = [a for loop in current for a in loop]
                 worst = {id(a): [] for a in [a for a in every if not a.straight] or every}

@@ -233,11 +233,13 @@ class Sides:
         ends = np.broadcast_to(np.array([0.0, 1.0]), (len(cell), 2))
         sides = []
         for k, x in enumerate((np.append(s, ends, axis=1), t, np.append(s, ends, axis=1), t)):
-            edge = self.space(k, cell, x) - self.on_surface(k, cell, x)
             first, last = ((0, 1), (1, 2), (3, 2), (0, 3))[k]
             p, q = self.corners[cell, first, None], self.corners[cell, last, None]
             line = p + x[..., None] * (q - p)
-            sides.append(np.where(self.on_edge[cell, k, None, None], edge, line))
+            some = np.flatnonzero(self.on_edge[cell, k])
+            own, at = cell[some], x[some]
+            line[some] = self.space(k, own, at) - self.on_surface(k, own, at)
+            sides.append(line)
         power = self._powers[cell]
         return boolean_sum(sides[0], sides[1], sides[2], sides[3], s, t, power)
 

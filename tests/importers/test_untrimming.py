@@ -47,7 +47,8 @@ def test_a_wrong_curve_on_a_surface_is_replaced_by_feet_of_the_edge():
     assert away(use.curve) > 0.05
     for tolerance in (1e-3, 1e-6, 1e-9):
         # Checked at three points a piece: between them the error may be a little larger.
-        assert away(projected(use, sphere, tolerance)) < 3.0 * tolerance
+        (better,) = projected([use], SurfaceBatch([sphere]), np.array([0]), np.array([tolerance]))
+        assert away(better) < 3.0 * tolerance
 
 
 def test_overlapping_boxes_are_those_of_all_pairs():
