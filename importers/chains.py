@@ -19,7 +19,7 @@ from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import bernstein
 
 from . import nurbs
-from .curves import BSpline, Conic, Curve
+from .curves import SMOOTH, BSpline, Conic, Curve
 from .extract import Edge
 
 LOBATTO = np.array([0.0, 0.25, 0.75, 1.0])
@@ -110,7 +110,7 @@ def turning(curve: Curve, a: float, b: float) -> tuple[FloatArray, FloatArray, F
     chord = np.linalg.norm(np.diff(d, axis=0), axis=1)
     angle = 2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))
     close = np.diff(t) < 1e-4 * (b - a) / len(breaks)
-    kink = close & (angle > math.radians(3.0))
+    kink = close & (angle > SMOOTH)
     angle[kink] = 0.0
     return t, np.concatenate([[0.0], np.cumsum(angle)]), 0.5 * (t[:-1] + t[1:])[kink]
 
@@ -122,7 +122,7 @@ def split_by_turning(curve: Curve, a: float, b: float, limit: float = QUARTER) -
     if isinstance(curve, Conic) and curve.kind == "ellipse":
         n = max(1, math.ceil((b - a) / limit - 1e-9))
         return np.linspace(a, b, n + 1)
-    if isinstance(curve, BSpline) and curve.turns_less(limit):
+    if isinstance(curve, BSpline) and curve.turn <= limit:
         return np.array([a, b])
     t, total, kinks = turning(curve, a, b)
     stations = [a]
@@ -215,7 +215,8 @@ def _exact(edge: Edge) -> list[Piece] | None:
     if isinstance(curve, Conic):
         up = nurbs.elevation(2)
         kind = {"parabola": "linear"}.get(curve.kind, curve.kind)
-        return [Piece(a, b, up @ curve.quadratic(a, b), True, kind) for a, b in pairs]
+        nets = up @ curve.quadratics(cuts)
+        return [Piece(a, b, net, True, kind) for (a, b), net in zip(pairs, nets, strict=True)]
     if isinstance(curve, BSpline) and curve.degree <= 3:
         out: list[Piece] = []
         for a, b in pairs:

@@ -114,47 +114,43 @@ class RawFace:
     edges: list[int] = field(default_factory=list)
 
 
-def _xyz(p: Any) -> FloatArray:
-    return np.array([p.X(), p.Y(), p.Z()])
-
-
-def _xy(p: Any) -> FloatArray:
-    return np.array([p.X(), p.Y()])
+def _array(p: Any) -> FloatArray:
+    """Coordinates of a point or direction."""
+    return np.array(p.Coord())
 
 
 def _frame(position: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     return (
-        _xyz(position.Location()),
-        _xyz(position.XDirection()),
-        _xyz(position.YDirection()),
-        _xyz(position.Direction()),
+        _array(position.Location()),
+        _array(position.XDirection()),
+        _array(position.YDirection()),
+        _array(position.Direction()),
     )
 
 
-def _flat(knots: Any, multiplicities: Any, n: int) -> FloatArray:
-    k = [knots.Value(i) for i in range(knots.Lower(), knots.Upper() + 1)]
-    m = [multiplicities.Value(i) for i in range(multiplicities.Lower(), multiplicities.Upper() + 1)]
-    return np.repeat(np.array(k), m)
+def _flat(knots: Any, multiplicities: Any) -> FloatArray:
+    every = range(knots.Lower(), knots.Upper() + 1)
+    return np.repeat([knots.Value(i) for i in every], [multiplicities.Value(i) for i in every])
 
 
-def _spline_curve(c: Any, coordinates: Any) -> Curve:
+def _spline_curve(c: Any) -> Curve:
     period = None
     if c.IsPeriodic():
         period = c.Period()
         c = c.Copy()
         c.SetNotPeriodic()
     n, degree = c.NbPoles(), c.Degree()
-    points = np.array([coordinates(c.Pole(i)) for i in range(1, n + 1)])
+    points = np.array([c.Pole(i).Coord() for i in range(1, n + 1)])
     w = np.array([c.Weight(i) for i in range(1, n + 1)]) if c.IsRational() else np.ones(n)
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
-    flat = _flat(c.Knots(), c.Multiplicities(), n)
+    flat = _flat(c.Knots(), c.Multiplicities())
     breaks, pieces = nurbs.bezier_pieces(flat, degree, h)
     return _simplest(BSpline(breaks, pieces, degree, period))
 
 
-def _bezier_curve(c: Any, coordinates: Any) -> Curve:
+def _bezier_curve(c: Any) -> Curve:
     n = c.NbPoles()
-    points = np.array([coordinates(c.Pole(i)) for i in range(1, n + 1)])
+    points = np.array([c.Pole(i).Coord() for i in range(1, n + 1)])
     w = np.array([c.Weight(i) for i in range(1, n + 1)])
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
     return _simplest(BSpline(np.array([0.0, 1.0]), h[None], n - 1))
@@ -180,7 +176,7 @@ def curve_3d(c: Any) -> Curve:
         c = c.BasisCurve()
     if isinstance(c, Geom_Line):
         p = c.Position()
-        return Line(_xyz(p.Location()), _xyz(p.Direction()))
+        return Line(_array(p.Location()), _array(p.Direction()))
     if isinstance(c, Geom_Circle):
         o, x, y, _ = _frame(c.Position())
         return Conic("ellipse", o, c.Radius() * x, c.Radius() * y)
@@ -192,14 +188,14 @@ def curve_3d(c: Any) -> Curve:
         o, x, y, _ = _frame(c.Position())
         return Conic("parabola", o, x / (4.0 * c.Focal()), y)
     if isinstance(c, Geom_BSplineCurve):
-        return _spline_curve(c, lambda p: (p.X(), p.Y(), p.Z()))
+        return _spline_curve(c)
     if isinstance(c, Geom_BezierCurve):
-        return _bezier_curve(c, lambda p: (p.X(), p.Y(), p.Z()))
+        return _bezier_curve(c)
 
     def point(t: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         p, d = gp_Pnt(), gp_Vec()
         c.D1(t, p, d)
-        return (p.X(), p.Y(), p.Z()), (d.X(), d.Y(), d.Z())
+        return p.Coord(), d.Coord()
 
     return Sampled(point)
 
@@ -209,10 +205,10 @@ def curve_2d(c: Any) -> Curve:
     while isinstance(c, Geom2d_TrimmedCurve):
         c = c.BasisCurve()
     if isinstance(c, Geom2d_Line):
-        return Line(_xy(c.Location()), _xy(c.Direction()))
+        return Line(_array(c.Location()), _array(c.Direction()))
     if isinstance(c, Geom2d_Circle | Geom2d_Ellipse | Geom2d_Hyperbola | Geom2d_Parabola):
         p = c.Position()
-        o, x, y = _xy(p.Location()), _xy(p.XDirection()), _xy(p.YDirection())
+        o, x, y = _array(p.Location()), _array(p.XDirection()), _array(p.YDirection())
         if isinstance(c, Geom2d_Circle):
             return Conic("ellipse", o, c.Radius() * x, c.Radius() * y)
         if isinstance(c, Geom2d_Parabola):
@@ -220,14 +216,14 @@ def curve_2d(c: Any) -> Curve:
         kind = "ellipse" if isinstance(c, Geom2d_Ellipse) else "hyperbola"
         return Conic(kind, o, c.MajorRadius() * x, c.MinorRadius() * y)
     if isinstance(c, Geom2d_BSplineCurve):
-        return _spline_curve(c, lambda p: (p.X(), p.Y()))
+        return _spline_curve(c)
     if isinstance(c, Geom2d_BezierCurve):
-        return _bezier_curve(c, lambda p: (p.X(), p.Y()))
+        return _bezier_curve(c)
 
     def point(t: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         p, d = gp_Pnt2d(), gp_Vec2d()
         c.D1(t, p, d)
-        return (p.X(), p.Y()), (d.X(), d.Y())
+        return p.Coord(), d.Coord()
 
     return Sampled(point)
 
@@ -250,8 +246,8 @@ def _spline_surface(s: Any) -> SplineSurface:
             if s.IsVPeriodic():
                 s.SetVNotPeriodic()
         nu, nv, du, dv = s.NbUPoles(), s.NbVPoles(), s.UDegree(), s.VDegree()
-        u_flat = _flat(s.UKnots(), s.UMultiplicities(), nu)
-        v_flat = _flat(s.VKnots(), s.VMultiplicities(), nv)
+        u_flat = _flat(s.UKnots(), s.UMultiplicities())
+        v_flat = _flat(s.VKnots(), s.VMultiplicities())
     h = np.ones((nu, nv, 4))
     pole = s.Pole
     h[..., :3] = [[pole(i, j).Coord() for j in range(1, nv + 1)] for i in range(1, nu + 1)]
@@ -298,10 +294,12 @@ def surface(s: Any, box: tuple[float, float, float, float]) -> Surface:
         return _spline_surface(s)
     if isinstance(s, Geom_SurfaceOfRevolution):
         axis = s.Axis()
-        return Revolution(_xyz(axis.Location()), _xyz(axis.Direction()), curve_3d(s.BasisCurve()))
+        return Revolution(
+            _array(axis.Location()), _array(axis.Direction()), curve_3d(s.BasisCurve())
+        )
     if isinstance(s, Geom_SurfaceOfLinearExtrusion):
         period = s.UPeriod() if s.IsUPeriodic() else None
-        return Extrusion(curve_3d(s.BasisCurve()), _xyz(s.Direction()), (period, None))
+        return Extrusion(curve_3d(s.BasisCurve()), _array(s.Direction()), (period, None))
     if isinstance(s, Geom_OffsetSurface):
         return Offset(surface(s.BasisSurface(), box), s.Offset(), box)
 

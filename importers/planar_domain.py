@@ -132,7 +132,8 @@ def _whole_circle(uses: list[EdgeUse], to_flat: FloatArray, along: float) -> Loo
     backwards = uses[0].reversed
     for k in range(4):
         a = phase + 0.5 * math.pi * k
-        net = nurbs.elevation(2) @ first.quadratic(a, a + 0.5 * math.pi)
+        (quarter,) = first.quadratics(np.array([a, a + 0.5 * math.pi]))
+        net = nurbs.elevation(2) @ quarter
         if backwards:
             net = net[::-1]
         edge = _edge_on_circle(uses, first.evaluate(np.array([a + 0.25 * math.pi]))[0])
