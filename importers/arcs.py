@@ -16,7 +16,7 @@ from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import bernstein, split_matrix
 
 from . import nurbs
-from .chains import Part, Piece, normalised
+from .chains import SAME_CURVE, Part, Piece, normalised
 from .curves import Curve, Line
 
 SAMPLES = np.linspace(0.0, 1.0, 17)
@@ -221,6 +221,12 @@ class EdgeArc(Arc):
         net = None if piece.parts else piece.net
         return cls(side, piece, net, piece.parts, np.eye(2), scale)
 
+    @property
+    def polynomial(self) -> bool:
+        """Whether its cubics in space have weights of 1 alone."""
+        nets = [net for _, _, net in self.parts] if self.net is None else [self.net]
+        return all(np.abs(net[:, 3] - 1.0).max() <= SAME_CURVE for net in nets)
+
     def parameter(self, s: FloatArray) -> FloatArray:
         """Parameter of the curve in (u, v)."""
         m = self.run
@@ -252,18 +258,6 @@ class EdgeArc(Arc):
             return None
         start = curve.origin + course[0] * curve.direction + self.side.shift
         return (*start.tolist(), *(course[1] * curve.direction).tolist(), *course[2:])
-
-    def space(self, s: FloatArray) -> FloatArray:
-        """Points (n, 3) of the chain at ``s`` (n,)."""
-        if self.net is not None:
-            h = bernstein(s) @ self.net
-        else:
-            starts = np.array([p[0] for p in self.parts])
-            k = np.clip(np.searchsorted(starts, s, side="right") - 1, 0, len(starts) - 1)
-            length = np.array([p[1] - p[0] for p in self.parts])[k]
-            nets = np.array([p[2] for p in self.parts])[k]
-            h = np.einsum("ni,nij->nj", bernstein((s - starts[k]) / length), nets)
-        return np.asarray(h[:, :3] / h[:, 3:])
 
     def reversed(self) -> EdgeArc:
         out = copy(self)
@@ -327,39 +321,9 @@ class EdgeArc(Arc):
             s.append(float((m[0, 1] - m[1, 1] * local) / (m[1, 0] * local - m[0, 0])))
         return self._restricted(s[0], s[1], split_matrix(s[0], s[1]))
 
-
-def joined(arcs: list[Arc]) -> list[Arc]:
-    """Arcs in which neighbours on one and the same approximated edge are one arc of many parts."""
-    out: list[Arc] = []
-    for arc in arcs:
-        before = out[-1] if out else None
-        both = before is not None and _continued(before, arc)
-        out[-1:] = [both] if both else [*out[-1:], arc]
-    return out
-
-
-def _continued(a: Arc, b: Arc) -> EdgeArc | None:
-    """Two arcs as one, where the second goes on on the same edge and both are polynomials."""
-    if not (isinstance(a, EdgeArc) and isinstance(b, EdgeArc)):
-        return None
-    if a.side is not b.side or a.piece.exact or b.piece.exact or not (a.straight and b.straight):
-        return None
-    backwards = bool(a.run[0, 0] < 0.0)
-    whole = REVERSED if backwards else np.eye(2)
-    if not (np.array_equal(a.run, whole) and np.array_equal(b.run, whole)):
-        return None
-    first, second = (b.piece, a.piece) if backwards else (a.piece, b.piece)
-    if first.end != second.start:
-        return None
-    length = second.end - first.start
-    parts: list[Part] = []
-    for piece in (first, second):
-        low, size = (piece.start - first.start) / length, (piece.end - piece.start) / length
-        own = piece.parts or [(0.0, 1.0, piece.net)]
-        parts += [(low + p * size, low + q * size, net) for p, q, net in own]
-    piece = Piece(first.start, second.end, first.net, False, parts=parts)
-    arc = EdgeArc.of(a.side, piece, a.scale)
-    return arc.reversed() if backwards else arc
+    def cut(self, shares: list[float]) -> list[EdgeArc]:
+        """The arc cut at ``shares`` of its parameter, which a straight one has of its length."""
+        return [self.between(a, b) for a, b in itertools.pairwise([0.0, *shares, 1.0])]
 
 
 class Chord(Arc):
@@ -438,3 +402,13 @@ def flat_chord(p: FloatArray, q: FloatArray, lift: FloatArray) -> NetArc:
     """Chord of a planar face; ``lift`` (3, 4) takes (w u, w v, w) to homogeneous space."""
     flat = nurbs.elevation(1) @ np.array([[*p, 1.0], [*q, 1.0]])
     return NetArc(flat @ lift, flat, -1, True)
+
+
+def corner_turns(loop: list[Arc]) -> FloatArray:
+    """Exterior angle at the start of each arc [rad], positive at convex corners."""
+    d = [a.directions for a in loop]
+    out = []
+    for k in range(len(loop)):
+        e, s = d[k - 1][1], d[k][0]
+        out.append(math.atan2(e[0] * s[1] - e[1] * s[0], float(e @ s)))
+    return np.array(out)

@@ -26,6 +26,9 @@ LOBATTO = np.array([0.0, 0.25, 0.75, 1.0])
 #: Control points of a cubic from its values at the Lobatto nodes.
 TO_CONTROL = np.linalg.inv(bernstein(LOBATTO))
 QUARTER = 0.5 * math.pi
+#: Share of the limit by which all parts of a curve together may turn more than so many times that:
+#: where two cylinders meet, the curve turns a little more than once around.
+SLACK = 0.2
 #: Relative distance below which two curves are the same to rounding.
 SAME_CURVE = 1e-10
 #: Largest distance between an edge and its chain as a share of the edge's extent. The chain swings
@@ -116,19 +119,19 @@ def turning(curve: Curve, a: float, b: float) -> tuple[FloatArray, FloatArray, F
 
 
 def split_by_turning(curve: Curve, a: float, b: float, limit: float = QUARTER) -> FloatArray:
-    """Parameters from a to b, cut at kinks and so that each part turns at most ``limit``."""
+    """Parameters from a to b, cut at kinks and so that each part turns about ``limit`` at most."""
     if curve.straight:
         return np.array([a, b])
     if isinstance(curve, Conic) and curve.kind == "ellipse":
         n = max(1, math.ceil((b - a) / limit - 1e-9))
         return np.linspace(a, b, n + 1)
-    if isinstance(curve, BSpline) and curve.turn <= limit:
+    if isinstance(curve, BSpline) and curve.turn <= (1.0 + SLACK) * limit:
         return np.array([a, b])
     t, total, kinks = turning(curve, a, b)
     stations = [a]
     for low, high in zip([a, *kinks], [*kinks, b], strict=True):
         at = np.interp([low, high], t, total)
-        n = max(1, math.ceil((at[1] - at[0]) / limit - 1e-3))
+        n = max(1, math.ceil((at[1] - at[0]) / limit - SLACK))
         targets = at[0] + (at[1] - at[0]) * np.arange(1, n) / n
         inside = (t > low) & (t < high)
         if n > 1 and inside.sum() > 1:

@@ -15,7 +15,7 @@ from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .area import face_area
 from .cells import Cell, overlap, samples_of
-from .curved_domain import curved_domain
+from .curved_domain import curved_domain, turned_hole
 from .domain import Domain
 from .edge_gaps import Follow, Measure, followed, measured
 from .exact_nets import planar_nets
@@ -235,7 +235,7 @@ def _cells(domain: Domain, attempt: int, planar_area: float = 0.0, *, thin: floa
     folded = partial(_folded, whole=planar_area) if planar else None
     cells = []
     for region in domain.regions:
-        loops = region
+        loops = region if planar else [region[0], *map(turned_hole, region[1:])]
         for _ in range(attempt):
             loops = [
                 [part for a in loop for part in (a.halves() if not a.straight else (a,))]

@@ -9,15 +9,18 @@ import numpy as np
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
 
-from .arcs import Arc, Chord, EdgeArc, EdgeSide
+from .arcs import Arc, Chord, EdgeArc, EdgeSide, corner_turns
 from .chains import chain, split_by_turning
 from .domain import Domain, Loop, outline, regions_of
 from .extract import EdgeUse, RawFace
+from .joined_arcs import BentArc
 from .surfaces import Surface
 from .triangulate import signed_area
 
 #: Share of an edge at a pole that is not worth a vertex of its own.
 NEAR_POLE = 0.02
+#: Corners of a hole that turn by less are none. [rad]
+SMOOTH_HOLE = math.radians(10.0)
 
 
 def angle_half(
@@ -160,7 +163,7 @@ def _cut_poles(loops: list[Loop]) -> list[Loop]:
 def _turning_parts(arc: EdgeArc) -> Loop:
     """The arc, halved where its curve in (u, v) turns much more than the edge in space."""
     a, b = arc.parameter(np.array([0.0, 1.0])).tolist()
-    n = len(split_by_turning(arc.side.curve, min(a, b), max(a, b), limit=0.6 * math.pi)) - 1
+    n = len(split_by_turning(arc.side.curve, min(a, b), max(a, b))) - 1
     out: Loop = [arc]
     while len(out) < n:
         out = [half for part in out for half in part.halves()]
@@ -246,4 +249,30 @@ def _in_period(loops: list[Loop], surface: Surface, scale: FloatArray) -> list[L
             if period:
                 by[k] = period * round(float(middle[k] - center[k]) / period)
         out.append([_shifted(arc, by) for arc in loop] if by.any() else loop)
+    return out
+
+
+def turned_hole(loop: Loop) -> Loop:
+    """A smooth hole of four arcs with its corners between those that lie along u and v.
+
+    Neighbouring holes stand in rows along u and v more often than not. Lines between corners in the
+    directions of these rows touch the holes, which gives cells with cusps; from corners halfway
+    they leave at 45 degrees.
+    """
+    if len(loop) != 4 or any(not isinstance(a, EdgeArc) or not a.polynomial for a in loop):
+        return loop
+    if np.abs(corner_turns(loop)).max() > SMOOTH_HOLE:
+        return loop
+    corners = np.array([a.start for a in loop])
+    spokes = corners - outline(loop).mean(axis=0)
+    angle = np.arctan2(spokes[:, 1], spokes[:, 0])
+    # Mean of the angles to the nearest axis, as one of angles that repeat every quarter of a turn.
+    if np.cos(4.0 * angle).sum() <= 0.0:
+        return loop
+    halves = [a.halves() for a in loop]
+    out: Loop = []
+    for k in range(4):
+        first, second = halves[k - 1][1], halves[k][0]
+        assert isinstance(first, EdgeArc) and isinstance(second, EdgeArc)
+        out.append(BentArc(first, second))
     return out

@@ -10,7 +10,7 @@ import heapq
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .arcs import Arc, NetArc
+from .arcs import Arc, EdgeArc, NetArc
 from .cells import Cell, quality, samples_of
 from .compare import BoolArray
 from .mesh import Loop, Mesh
@@ -76,7 +76,8 @@ def _wanted(bad: list[tuple[Arc, ...]], loops: list[Loop]) -> Wanted:
     wanted: Wanted = {}
     if not bad:
         return wanted
-    lines = [a for loop in loops for a in loop if isinstance(a, NetArc) and a.straight]
+    every = (a for loop in loops for a in loop)
+    lines = [a for a in every if isinstance(a, NetArc | EdgeArc) and a.straight]
     p = np.array([a.start for a in lines]).reshape(-1, 2)
     end = np.array([a.end for a in lines]).reshape(-1, 2)
     corners = [np.array([a.start for a in cell]) for cell in bad]

@@ -14,7 +14,7 @@ import numpy as np
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .arcs import Arc, NetArc
+from .arcs import Arc, EdgeArc, NetArc, corner_turns
 from .cells import Cell, quality, samples_of
 from .mesh import ChordMaker, Loop, Mesh
 from .pairing import PAIRED, THIN, Wanted, best_triangle, paired
@@ -38,16 +38,6 @@ KEPT_COST = 0.4
 IN_VAIN = 4
 #: Halvings of a boundary where it comes near to itself: a 4000th of an arc.
 MOST_ROUNDS = 12
-
-
-def corner_turns(loop: Loop) -> FloatArray:
-    """Exterior angle at the start of each arc [rad], positive at convex corners."""
-    d = [a.directions for a in loop]
-    out = []
-    for k in range(len(loop)):
-        e, s = d[k - 1][1], d[k][0]
-        out.append(math.atan2(e[0] * s[1] - e[1] * s[0], float(e @ s)))
-    return np.array(out)
 
 
 def cells_of(
@@ -138,7 +128,7 @@ def _cut(loops: list[Loop], wanted: Wanted) -> list[Loop]:
         new: Loop = []
         for arc in loop:
             at = wanted.get(id(arc))
-            if at and isinstance(arc, NetArc):
+            if at and isinstance(arc, NetArc | EdgeArc):
                 cuts = _apart(at)
                 new.extend(arc.cut(cuts) if cuts else arc.halves())
             else:

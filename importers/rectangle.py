@@ -10,12 +10,13 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from . import nurbs
-from .arcs import Arc, Chord, EdgeArc, arc_weights, joined
+from .arcs import Arc, Chord, EdgeArc, arc_weights
 from .cells import Cell
 from .chains import QUARTER, Conic, split_by_turning
 from .curves import BSpline, Curve
 from .domain import Domain, outline
 from .exact_nets import spline_nets
+from .joined_arcs import joined
 from .surfaces import Extrusion, Offset, Revolution, SplineSurface, Surface
 from .triangulate import signed_area
 
