@@ -140,7 +140,8 @@ def _run(raw: RawFace, tolerance: float, angle_deg: float, size: float) -> Run:
     except (GeometryError, FloatingPointError, np.linalg.LinAlgError) as error:
         return FacePatches(kind, reason=str(error))
     except ERRORS as error:
-        return FacePatches(kind, reason=f"unexpected geometry ({error})")
+        # Of ours, most likely: the other faces stay, and the certificate names it.
+        return FacePatches(kind, reason=f"unexpected geometry ({type(error).__name__}: {error})")
     if raw.reversed and len(out.nets):
         out.nets = out.nets[:, ::-1]
         out.edges = out.edges[:, [0, 3, 2, 1]]
@@ -167,7 +168,10 @@ def check_area(raw: RawFace, face: FacePatches) -> None:
     domain, face.domain = face.domain, None
     if domain is None or not len(face.nets):
         return
-    face.area_error = _relative(face.area, face_area(raw, domain))
+    try:
+        face.area_error = _relative(face.area, face_area(raw, domain))
+    except GeometryError:  # the CAD kernel does not know its own surface: unchecked
+        return
     if face.area_error > (AREA_EXACT if face.exact else AREA_LIMIT):
         face.exact = False
         face.reason = f"area off by {face.area_error:.1e}"

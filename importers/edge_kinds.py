@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import EDGE_KINDS
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .compare import BoolArray, cross, length
-from .convert import ERRORS
 from .extract import Edge, EdgeUse, RawFace
 from .free_edges import Lone, lone_edges
 from .surfaces import Plane, Surface
@@ -157,7 +157,7 @@ class _Uses:
         """
         try:
             return self._normals(rows, shares)
-        except ERRORS:
+        except GeometryError:
             if len(rows) == 1:
                 return np.full((1, shares.shape[1], 3), np.nan)
             half = len(rows) // 2

@@ -5,7 +5,7 @@ The CAD kernel is asked once per face and edge; everything after works on arrays
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -47,10 +47,12 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Iterator
 from OCP.TopTools import TopTools_IndexedMapOfShape
+from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
 
 from . import nurbs
 from .curves import BSpline, Conic, Curve, Line, Sampled
+from .kernel_errors import asking_the_kernel
 from .surfaces import (
     Extrusion,
     Offset,
@@ -111,7 +113,6 @@ class RawFace:
     loops: list[list[EdgeUse]]
     tolerance: float
     reason: str = ""
-    edges: list[int] = field(default_factory=list)
 
 
 def _array(p: Any) -> FloatArray:
@@ -194,7 +195,8 @@ def curve_3d(c: Any) -> Curve:
 
     def point(t: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         p, d = gp_Pnt(), gp_Vec()
-        c.D1(t, p, d)
+        with asking_the_kernel():
+            c.D1(t, p, d)
         return p.Coord(), d.Coord()
 
     return Sampled(point)
@@ -222,7 +224,8 @@ def curve_2d(c: Any) -> Curve:
 
     def point(t: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         p, d = gp_Pnt2d(), gp_Vec2d()
-        c.D1(t, p, d)
+        with asking_the_kernel():
+            c.D1(t, p, d)
         return p.Coord(), d.Coord()
 
     return Sampled(point)
@@ -305,7 +308,8 @@ def surface(s: Any, box: tuple[float, float, float, float]) -> Surface:
 
     def point(u: float, v: float) -> tuple[tuple[float, ...], ...]:
         p, a, b = gp_Pnt(), gp_Vec(), gp_Vec()
-        s.D1(u, v, p, a, b)
+        with asking_the_kernel():
+            s.D1(u, v, p, a, b)
         return p.Coord(), a.Coord(), b.Coord()
 
     periods = (s.UPeriod() if s.IsUPeriodic() else None, s.VPeriod() if s.IsVPeriodic() else None)
@@ -349,8 +353,18 @@ class Extractor:
         return found
 
     def face(self, face: Any) -> RawFace:
-        """Surface and loops of a face; loops run with the material of (u, v) on their left."""
+        """Surface and loops of a face; loops run with the material of (u, v) on their left.
+
+        Where the CAD kernel fails there is no surface, but its reason.
+        """
         is_reversed = face.Orientation() == TopAbs_REVERSED
+        try:
+            with asking_the_kernel():
+                return self._face(face, is_reversed)
+        except GeometryError as error:
+            return RawFace(None, is_reversed, [], 0.0, str(error))
+
+    def _face(self, face: Any, is_reversed: bool) -> RawFace:
         f = TopoDS.Face_s(face.Oriented(TopAbs_FORWARD))
         geometry = BRep_Tool.Surface_s(f)
         if geometry is None:

@@ -257,7 +257,7 @@ def test_an_unexpected_key_fails_one_face_and_not_the_file(monkeypatch):
     model = from_cadquery(plate, cache=False)
     failed = [f for f in model.faces if f.failed]
     assert 0 < len(failed) < len(model.faces)
-    assert all(f.reason == "unexpected geometry ((3, 5))" for f in failed)
+    assert all(f.reason == "unexpected geometry (KeyError: (3, 5))" for f in failed)
 
 
 def test_displaced_rows_are_no_rows():
