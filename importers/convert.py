@@ -14,7 +14,7 @@ from patchlight.solver.model import bezier
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .area import face_area
-from .cells import Cell, overlap, samples_of
+from .cells import THIN, Cell, overlap, samples_of
 from .curved_domain import curved_domain, turned_hole
 from .domain import Domain
 from .edge_gaps import Follow, Measure, followed, measured
@@ -22,7 +22,6 @@ from .exact_nets import planar_nets
 from .extract import RawFace
 from .lift import Lifted, Task, lifted
 from .moments import vector_areas
-from .pairing import THIN
 from .planar_domain import enclosed_area, planar_domain
 from .quadrangulate import STRICT, cells_of
 from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle

@@ -9,18 +9,16 @@ import numpy as np
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
 
-from .arcs import Arc, Chord, EdgeArc, EdgeSide, corner_turns
+from .arcs import Arc, Chord, EdgeArc, EdgeSide
 from .chains import chain, split_by_turning
 from .domain import Domain, Loop, outline, regions_of
 from .extract import EdgeUse, RawFace
-from .joined_arcs import BentArc
+from .joined_arcs import BentArc, bends
 from .surfaces import Surface
 from .triangulate import signed_area
 
 #: Share of an edge at a pole that is not worth a vertex of its own.
 NEAR_POLE = 0.02
-#: Corners of a hole that turn by less are none. [rad]
-SMOOTH_HOLE = math.radians(10.0)
 
 
 def angle_half(
@@ -259,9 +257,7 @@ def turned_hole(loop: Loop) -> Loop:
     directions of these rows touch the holes, which gives cells with cusps; from corners halfway
     they leave at 45 degrees.
     """
-    if len(loop) != 4 or any(not isinstance(a, EdgeArc) or not a.polynomial for a in loop):
-        return loop
-    if np.abs(corner_turns(loop)).max() > SMOOTH_HOLE:
+    if len(loop) != 4 or not all(bends(loop[k - 1], loop[k]) for k in range(4)):
         return loop
     corners = np.array([a.start for a in loop])
     spokes = corners - outline(loop).mean(axis=0)

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray
 
 from .arcs import REVERSED, Arc, EdgeArc
 from .chains import Part, Piece
 
+#: Arcs that turn by less where they meet have no corner there. [rad]
+NO_CORNER = math.radians(10.0)
+
 
 class BentArc(EdgeArc):
-    """Two pieces of edges in a row as one arc, joined at its middle; its ``edge`` is the first."""
+    """Two pieces of edges in a row as one arc, joined at ``share``; its ``edge`` is the first."""
 
-    def __init__(self, first: EdgeArc, second: EdgeArc) -> None:
-        self.first, self.second = first, second
+    def __init__(self, first: EdgeArc, second: EdgeArc, share: float = 0.5) -> None:
+        self.first, self.second, self.share = first, second, share
         self.net, self.edge, self.scale, self.straight = None, first.edge, first.scale, False
         self.weights = np.ones(4)
-        self.parts = [
-            (0.5 * (k + a), 0.5 * (k + b), net)
-            for k, arc in enumerate((first, second))
-            for a, b, net in (arc.parts if arc.net is None else [(0.0, 1.0, arc.net)])
-        ]
+        self.parts = []
+        for low, size, arc in ((0.0, share, first), (share, 1.0 - share, second)):
+            own = arc.parts if arc.net is None else [(0.0, 1.0, arc.net)]
+            self.parts += [(low + a * size, low + b * size, net) for a, b, net in own]
 
     def at(self, s: FloatArray) -> FloatArray:
         s = np.asarray(s)
         out = np.empty((*s.shape, 2))
-        early = s < 0.5
-        out[early] = self.first.at(2.0 * s[early])
-        out[~early] = self.second.at(2.0 * s[~early] - 1.0)
+        early = s < self.share
+        out[early] = self.first.at(s[early] / self.share)
+        out[~early] = self.second.at((s[~early] - self.share) / (1.0 - self.share))
         return out
 
     def course(self) -> tuple[float, ...] | None:
@@ -37,10 +41,19 @@ class BentArc(EdgeArc):
         return None
 
     def reversed(self) -> BentArc:
-        return BentArc(self.second.reversed(), self.first.reversed())
+        return BentArc(self.second.reversed(), self.first.reversed(), 1.0 - self.share)
 
     def halves(self) -> tuple[Arc, Arc]:
         return self.first, self.second
+
+
+def bends(a: Arc, b: Arc) -> bool:
+    """Whether two arcs in a row are a `BentArc`: curved, polynomials, and without a corner."""
+    if not (isinstance(a, EdgeArc) and isinstance(b, EdgeArc)) or a.straight or b.straight:
+        return False
+    e, s = a.directions[1], b.directions[0]
+    turn = math.atan2(e[0] * s[1] - e[1] * s[0], float(e @ s))
+    return abs(turn) <= NO_CORNER and a.polynomial and b.polynomial
 
 
 def joined(arcs: list[Arc]) -> list[Arc]:

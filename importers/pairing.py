@@ -11,7 +11,7 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .arcs import Arc, EdgeArc, NetArc
-from .cells import Cell, quality, samples_of
+from .cells import THIN, Cell, quality, samples_of
 from .compare import BoolArray
 from .mesh import Loop, Mesh
 from .together import rows_of
@@ -20,9 +20,8 @@ from .triangulate import inner_edges, overlapping
 #: By identity of an arc: the shares of its length where it should be cut, none for its middle.
 Wanted = dict[int, list[float]]
 
-#: Qualities: of a pair that is preferred to its triangles, and of a cell that is thin.
+#: Quality of a pair that is preferred to its triangles.
 PAIRED = 0.1
-THIN = 0.02
 #: Feet of corners nearer to the end of a side than this share of it are no place to cut it.
 NEAR_END = 0.02
 #: The direction in which triangles are matched.

@@ -33,9 +33,9 @@ GROWTH = 4
 ROUNDS = 2
 #: What a round costs in which little is new, against one from the start.
 KEPT_COST = 0.4
-#: Rounds after which halving is given up where there are cells and it makes no fewer of them bad:
-#: beside a place where two sides touch there always is a cusp.
-IN_VAIN = 4
+#: Rounds without any triangles after which halving is given up where there were some before: the
+#: boundary crosses itself by now, and each round has twice as many arcs.
+IN_VAIN = 2
 #: Halvings of a boundary where it comes near to itself: a 4000th of an arc.
 MOST_ROUNDS = 12
 
@@ -274,9 +274,9 @@ def _general(
                         worst |= {id(a): [] for a in cell.sides if a is not None and not a.straight}
             if cells is not None and not worst:
                 return extra + cells
-            vain += 1
             if cells is not None and (fallback is None or len(worst) < fewest):
-                fallback, fewest, vain = extra + cells, len(worst), 0
+                fallback, fewest = extra + cells, len(worst)
+            vain = vain + 1 if cells is None else 0
             if vain == IN_VAIN and fallback is not None:
                 break
             if cells is None:

@@ -88,6 +88,7 @@ class Curves:
         #: Number of the second piece of arcs of two, else -1; the first has the arc's own.
         self._second = np.full(len(given), -1, dtype=np.int64)
         self._second[bent] = len(given) + np.arange(len(bent))
+        self._share = np.array([arc.share if isinstance(arc, BentArc) else 0.5 for arc in given])
         arcs = [arc.first if isinstance(arc, BentArc) else arc for arc in given]
         arcs += [arc.second for arc in given if isinstance(arc, BentArc)]
         self._arcs = arcs
@@ -116,9 +117,11 @@ class Curves:
         out = np.empty((*s.shape, 2))
         whole = np.flatnonzero(second < 0)
         out[whole] = self._pieces_at(which[whole], s[whole])
-        late = s[bent] >= 0.5
+        share, x = self._share[which[bent], None], s[bent]
+        late = x >= share
         piece = np.where(late, second[bent, None], which[bent, None])
-        found = self._pieces_at(piece.ravel(), (2.0 * s[bent] - late).reshape(-1, 1))
+        local = np.where(late, (x - share) / (1.0 - share), x / share)
+        found = self._pieces_at(piece.ravel(), local.reshape(-1, 1))
         out[bent] = found.reshape(*late.shape, 2)
         return out
 

@@ -62,8 +62,8 @@ class Sides:
         self.on_edge = np.zeros((n, 4), dtype=bool)
         self.collapsed = np.zeros((n, 4), dtype=bool)
         self._names = np.array([c.edges for c in cells])
-        #: Those of the second halves of sides.
-        self._later = self._names.copy()
+        #: Those of the second pieces of sides of two, and where these begin.
+        self._later, self._share = self._names.copy(), np.full((n, 4), 0.5)
         self.parts: dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] = {}
         straight: list[tuple[float, ...]] = []
         curved: list[Arc] = []
@@ -91,6 +91,7 @@ class Sides:
                 side_weights[c, k] = arc.weights
                 if isinstance(arc, BentArc):
                     self._names[c, k], self._later[c, k] = arc.edge, arc.second.edge
+                    self._share[c, k] = arc.share
                 if arc.net is not None:
                     self.nets[c, k], self.on_edge[c, k] = arc.net, True
                 elif isinstance(arc, EdgeArc):
@@ -115,7 +116,7 @@ class Sides:
 
     def edges(self, boxes: Boxes) -> IntArray:
         """B-rep edge (n, 4) of each side of boxes, −1 for none."""
-        late = boxes.box[:, [0, 2, 0, 2]] >= 0.5
+        late = boxes.box[:, [0, 2, 0, 2]] >= self._share[boxes.cell]
         names = np.where(late, self._later[boxes.cell], self._names[boxes.cell])
         return np.where(boxes.on_border(), names, -1)
 

@@ -6,12 +6,14 @@ import cadquery as cq
 import numpy as np
 import pytest
 from patchlight.importers import assemble, from_cadquery
+from patchlight.importers.cells import quality, samples_of
 from patchlight.importers.chains import chain
 from patchlight.importers.convert import MISSED
 from patchlight.importers.curved_domain import curved_domain, turned_hole
 from patchlight.importers.edge_gaps import Measure, measured
 from patchlight.importers.extract import Extractor, faces_of
 from patchlight.importers.joined_arcs import BentArc
+from patchlight.importers.mesh import _segment
 from patchlight.importers.side_curves import Parted
 from patchlight.importers.triangulate import signed_area
 
@@ -101,3 +103,35 @@ def test_the_check_of_the_kernel_is_left_out_of_many_loops(monkeypatch):
     # Nothing else vouches for the faces where areas are not checked.
     model = from_cadquery(plate, cache=False, check_areas=False)
     assert not any("left out" in note for note in model.certificate.notes)
+
+
+@pytest.mark.parametrize("half_deg", [10, 60, 90, 110])
+def test_quality_of_a_cell_between_a_curve_and_its_chord(half_deg):
+    """Both of its other sides are points: none of its corners has an angle that counts."""
+    half = np.radians(half_deg)
+    angle = np.linspace(-half, half, 9)
+    curve = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    chord = np.linspace(curve[-1], curve[0], 9)
+    sides = [curve, np.repeat(curve[-1:], 9, axis=0), chord, np.repeat(curve[:1], 9, axis=0)]
+    # Between tangents at the ends (sines of both angles) and straight across in the middle.
+    assert quality(np.array([sides]))[0] > 0.4 * min(1.0, 2.0 * np.sin(half))
+    assert quality(np.array([sides])[:, :, :, ::-1])[0] < 0.0
+
+
+def test_three_sides_on_a_smooth_curve_and_its_chord_are_a_segment():
+    _, domain = drilled(0.0)
+    # Inside of the hole, for which its arcs run the other way.
+    arcs = [a.reversed() for a in domain.regions[0][1][::-1]]
+    first, second = arcs[0], arcs[1].halves()[0]
+    scale = first.scale
+    back = domain.chord(second.end / scale, first.start / scale)
+    for turn in range(3):
+        sides = [first, second, back]
+        cell = _segment(sides[turn:] + sides[:turn])
+        bent, *rest = cell.sides
+        assert isinstance(bent, BentArc) and rest == [None, back, None]
+        # The joint is where the lengths of a quarter and an eighth of a circle meet.
+        assert bent.share == pytest.approx(2.0 / 3.0, abs=0.02)
+        assert quality(samples_of([cell]))[0] > 0.4
+    corner = domain.chord(first.end / scale, second.end / scale)
+    assert _segment([first, corner, back]) is None
