@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +16,13 @@ from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import bernstein, split_matrix
 
 from . import nurbs
-from .chains import Part, Piece, normalised
+from .chains import SAME_CURVE, Part, Piece, normalised
 from .curves import Curve, Line
 
 SAMPLES = np.linspace(0.0, 1.0, 17)
 _SAMPLE_BASIS = bernstein(SAMPLES)
+_START_AND_END = np.array([0.0, 1.0])
+_UNSCALED = np.ones(2)
 _END_STEP = 2e-3
 _ENDS = np.array([0.0, _END_STEP, 1.0 - _END_STEP, 1.0])
 #: Share of an arc that counts as nothing.
@@ -47,7 +50,7 @@ def arc_weights(half: float) -> FloatArray:
 
 
 class Arc:
-    """Base: ``at(s)`` in (u, v), ``weights`` (4,), scaled ``samples`` (17, 2).
+    """Base: ``at(s)`` in (u, v), ``weights`` (4,), ``scale`` (2,) that makes u and v lengths.
 
     ``net`` (4, 4) is its rational cubic in space with end weights 1, where it lies on an edge.
     """
@@ -56,8 +59,9 @@ class Arc:
     straight = False
     net: FloatArray | None = None
     weights: FloatArray
-    samples: FloatArray
     scale: FloatArray
+    _ends: FloatArray | None = None
+    _samples: FloatArray | None = None
     _directions: tuple[FloatArray, FloatArray] | None = None
 
     def at(self, s: FloatArray) -> FloatArray:
@@ -77,24 +81,58 @@ class Arc:
         """
         return None
 
-    def prepare(self) -> None:
-        """Sample the arc in scaled coordinates."""
-        self.samples = self.at(SAMPLES) * self.scale
+    @property
+    def samples(self) -> FloatArray:
+        """Points (17, 2) in scaled coordinates."""
+        if self._samples is None:
+            self._samples = self.at(SAMPLES) * self.scale
+        return self._samples
+
+    @property
+    def ends(self) -> FloatArray:
+        """Start and end (2, 2) in scaled coordinates."""
+        if self._ends is None:
+            self._ends = self.at(_START_AND_END) * self.scale
+        return self._ends
+
+    @property
+    def outline(self) -> FloatArray:
+        """What bounds the arc: the ends of a straight one, the samples of others."""
+        return self.ends if self.straight else self.samples
+
+    @property
+    def extent(self) -> float:
+        """The longer side of the box around it, scaled coordinates."""
+        a, b = self.outline[0].tolist(), self.outline[-1].tolist()
+        if not self.straight:
+            a, b = self.samples.min(axis=0).tolist(), self.samples.max(axis=0).tolist()
+        return max(abs(b[0] - a[0]), abs(b[1] - a[1]))
 
     @property
     def start(self) -> FloatArray:
-        return self.samples[0]
+        return self.ends[0]
 
     @property
     def end(self) -> FloatArray:
-        return self.samples[-1]
+        return self.ends[1]
+
+    def _run_backwards(self) -> None:
+        """Turn what is kept of the arc around."""
+        self.weights = self.weights[::-1]
+        if self._ends is not None:
+            self._ends = self._ends[::-1]
+        if self._samples is not None:
+            self._samples = self._samples[::-1]
+        if self._directions is not None:
+            first, last = self._directions
+            self._directions = -last, -first
 
     @property
     def directions(self) -> tuple[FloatArray, FloatArray]:
         """Unit tangents at the start and the end, scaled coordinates."""
         if self._directions is None:
             if self.straight:
-                p = self.samples[[0, -1, 0, -1]]
+                p = self.ends[[0, 1, 0, 1]]
             else:
                 p = self.at(_ENDS) * self.scale
             a, b = p[1] - p[0], p[3] - p[2]
@@ -113,16 +151,18 @@ class NetArc(Arc):
     ) -> None:
         self.net, self.flat, self.edge, self.straight, self.exact = net, flat, edge, straight, exact
         self.weights = net[:, 3]
-        self.scale = np.ones(2)
-        h = _SAMPLE_BASIS @ flat
-        self.samples = h[:, :2] / h[:, 2:]
+        self.scale = _UNSCALED
+        self._ends = flat[::3, :2] / flat[::3, 2:]
 
     def at(self, s: FloatArray) -> FloatArray:
-        h = bernstein(s) @ self.flat
+        h = (_SAMPLE_BASIS if s is SAMPLES else bernstein(s)) @ self.flat
         return np.asarray(h[..., :2] / h[..., 2:])
 
     def reversed(self) -> NetArc:
-        return NetArc(self.net[::-1], self.flat[::-1], self.edge, self.straight, self.exact)
+        out = copy(self)
+        out.net, out.flat = self.net[::-1], self.flat[::-1]
+        out._run_backwards()
+        return out
 
     def halves(self) -> tuple[Arc, Arc]:
         out = []
@@ -174,13 +214,18 @@ class EdgeArc(Arc):
         self.edge = side.edge
         self.straight = side.curve.straight
         self.weights = np.ones(4) if net is None else net[:, 3]
-        self.prepare()
 
     @classmethod
     def of(cls, side: EdgeSide, piece: Piece, scale: FloatArray) -> EdgeArc:
         """The arc of a whole piece."""
         net = None if piece.parts else piece.net
         return cls(side, piece, net, piece.parts, np.eye(2), scale)
+
+    @property
+    def polynomial(self) -> bool:
+        """Whether its cubics in space have weights of 1 alone."""
+        nets = [net for _, _, net in self.parts] if self.net is None else [self.net]
+        return all(np.abs(net[:, 3] - 1.0).max() <= SAME_CURVE for net in nets)
 
     def parameter(self, s: FloatArray) -> FloatArray:
         """Parameter of the curve in (u, v)."""
@@ -214,27 +259,20 @@ class EdgeArc(Arc):
         start = curve.origin + course[0] * curve.direction + self.side.shift
         return (*start.tolist(), *(course[1] * curve.direction).tolist(), *course[2:])
 
-    def space(self, s: FloatArray) -> FloatArray:
-        """Points (n, 3) of the chain at ``s`` (n,)."""
-        if self.net is not None:
-            h = bernstein(s) @ self.net
-        else:
-            starts = np.array([p[0] for p in self.parts])
-            k = np.clip(np.searchsorted(starts, s, side="right") - 1, 0, len(starts) - 1)
-            length = np.array([p[1] - p[0] for p in self.parts])[k]
-            nets = np.array([p[2] for p in self.parts])[k]
-            h = np.einsum("ni,nij->nj", bernstein((s - starts[k]) / length), nets)
-        return np.asarray(h[:, :3] / h[:, 3:])
-
     def reversed(self) -> EdgeArc:
-        net = None if self.net is None else self.net[::-1]
-        parts = [(1.0 - b, 1.0 - a, n[::-1]) for a, b, n in self.parts[::-1]]
-        return EdgeArc(self.side, self.piece, net, parts, self.run @ REVERSED, self.scale)
+        out = copy(self)
+        out.net = None if self.net is None else self.net[::-1]
+        out.parts = [(1.0 - b, 1.0 - a, n[::-1]) for a, b, n in self.parts[::-1]]
+        out.run = self.run @ REVERSED
+        out._run_backwards()
+        return out
 
     def moved(self, by: FloatArray) -> EdgeArc:
         """The same arc a whole period away."""
-        side = replace(self.side, shift=self.side.shift + by)
-        return EdgeArc(side, self.piece, self.net, self.parts, self.run, self.scale)
+        out = copy(self)
+        out.side = replace(self.side, shift=self.side.shift + by)
+        out._ends = out._samples = None
+        return out
 
     def halves(self) -> tuple[Arc, Arc]:
         if self.net is None:
@@ -283,39 +321,9 @@ class EdgeArc(Arc):
             s.append(float((m[0, 1] - m[1, 1] * local) / (m[1, 0] * local - m[0, 0])))
         return self._restricted(s[0], s[1], split_matrix(s[0], s[1]))
 
-
-def joined(arcs: list[Arc]) -> list[Arc]:
-    """Arcs in which neighbours on one and the same approximated edge are one arc of many parts."""
-    out: list[Arc] = []
-    for arc in arcs:
-        before = out[-1] if out else None
-        both = before is not None and _continued(before, arc)
-        out[-1:] = [both] if both else [*out[-1:], arc]
-    return out
-
-
-def _continued(a: Arc, b: Arc) -> EdgeArc | None:
-    """Two arcs as one, where the second goes on on the same edge and both are polynomials."""
-    if not (isinstance(a, EdgeArc) and isinstance(b, EdgeArc)):
-        return None
-    if a.side is not b.side or a.piece.exact or b.piece.exact or not (a.straight and b.straight):
-        return None
-    backwards = bool(a.run[0, 0] < 0.0)
-    whole = REVERSED if backwards else np.eye(2)
-    if not (np.array_equal(a.run, whole) and np.array_equal(b.run, whole)):
-        return None
-    first, second = (b.piece, a.piece) if backwards else (a.piece, b.piece)
-    if first.end != second.start:
-        return None
-    length = second.end - first.start
-    parts: list[Part] = []
-    for piece in (first, second):
-        low, size = (piece.start - first.start) / length, (piece.end - piece.start) / length
-        own = piece.parts or [(0.0, 1.0, piece.net)]
-        parts += [(low + p * size, low + q * size, net) for p, q, net in own]
-    piece = Piece(first.start, second.end, first.net, False, parts=parts)
-    arc = EdgeArc.of(a.side, piece, a.scale)
-    return arc.reversed() if backwards else arc
+    def cut(self, shares: list[float]) -> list[EdgeArc]:
+        """The arc cut at ``shares`` of its parameter, which a straight one has of its length."""
+        return [self.between(a, b) for a, b in itertools.pairwise([0.0, *shares, 1.0])]
 
 
 class Chord(Arc):
@@ -337,7 +345,13 @@ class Chord(Arc):
     ) -> None:
         self.p, self.q, self.half, self.scale, self.edge, self.net = p, q, half, scale, edge, net
         self.weights = arc_weights(half) if net is None else net[:, 3]
-        self.samples = (p + SAMPLES[:, None] * (q - p)) * scale
+        self._ends = np.array([p, q]) * scale
+
+    @property
+    def samples(self) -> FloatArray:
+        if self._samples is None:
+            self._samples = (self.p + SAMPLES[:, None] * (self.q - self.p)) * self.scale
+        return self._samples
 
     def at(self, s: FloatArray) -> FloatArray:
         return np.asarray(self.p + fraction(s, self.half)[..., None] * (self.q - self.p))
@@ -346,9 +360,10 @@ class Chord(Arc):
         return (*self.p.tolist(), *(self.q - self.p).tolist(), self.half, 1.0, 0.0, 0.0, 1.0)
 
     def reversed(self) -> Chord:
-        net = None if self.net is None else self.net[::-1]
-        out = Chord(self.q, self.p, self.half, self.scale, self.edge, net)
-        out.weights = self.weights[::-1]
+        out = copy(self)
+        out.p, out.q = self.q, self.p
+        out.net = None if self.net is None else self.net[::-1]
+        out._run_backwards()
         return out
 
     def moved(self, by: FloatArray) -> Chord:
@@ -387,3 +402,13 @@ def flat_chord(p: FloatArray, q: FloatArray, lift: FloatArray) -> NetArc:
     """Chord of a planar face; ``lift`` (3, 4) takes (w u, w v, w) to homogeneous space."""
     flat = nurbs.elevation(1) @ np.array([[*p, 1.0], [*q, 1.0]])
     return NetArc(flat @ lift, flat, -1, True)
+
+
+def corner_turns(loop: list[Arc]) -> FloatArray:
+    """Exterior angle at the start of each arc [rad], positive at convex corners."""
+    d = [a.directions for a in loop]
+    out = []
+    for k in range(len(loop)):
+        e, s = d[k - 1][1], d[k][0]
+        out.append(math.atan2(e[0] * s[1] - e[1] * s[0], float(e @ s)))
+    return np.array(out)

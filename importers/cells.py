@@ -9,6 +9,8 @@ from patchlight.solver.model.arrays import FloatArray
 
 from .arcs import Arc
 
+#: Quality of a cell that is thin.
+THIN = 0.02
 #: Quality of a cell with a corner of 180 degrees: above what is refused, below what is preferred.
 SMOOTH_JOINT = 0.03
 
@@ -79,11 +81,12 @@ def _corner_sines(p: FloatArray) -> FloatArray:
     into = np.roll(-3.0 * p[:, :, -1] + 4.0 * p[:, :, -2] - p[:, :, -3], 1, axis=1)
     cross = out_of[..., 0] * into[..., 1] - out_of[..., 1] * into[..., 0]
     dot = (out_of * into).sum(axis=-1)
-    length = np.linalg.norm(out_of, axis=-1) * np.linalg.norm(into, axis=-1)
-    sine = cross / np.maximum(length, 1e-300)
+    first, second = np.linalg.norm(out_of, axis=-1), np.linalg.norm(into, axis=-1)
+    sine = cross / np.maximum(first * second, 1e-300)
     joint = (dot < 0.0) & (sine > -1e-3)
     sine = np.where(joint, np.maximum(sine, SMOOTH_JOINT), sine)
-    collapsed = length <= 1e-12 * length.max(axis=1, keepdims=True)
+    # Of a cell between two sides each corner lies at a collapsed one.
+    collapsed = np.minimum(first, second) <= 1e-12 * first.max(axis=1, keepdims=True)
     return np.asarray(np.where(collapsed, 1.0, sine).min(axis=1))
 
 

@@ -19,13 +19,16 @@ from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.bezier import bernstein
 
 from . import nurbs
-from .curves import BSpline, Conic, Curve
+from .curves import SMOOTH, BSpline, Conic, Curve
 from .extract import Edge
 
 LOBATTO = np.array([0.0, 0.25, 0.75, 1.0])
 #: Control points of a cubic from its values at the Lobatto nodes.
 TO_CONTROL = np.linalg.inv(bernstein(LOBATTO))
 QUARTER = 0.5 * math.pi
+#: Share of the limit by which all parts of a curve together may turn more than so many times that:
+#: where two cylinders meet, the curve turns a little more than once around.
+SLACK = 0.2
 #: Relative distance below which two curves are the same to rounding.
 SAME_CURVE = 1e-10
 #: Largest distance between an edge and its chain as a share of the edge's extent. The chain swings
@@ -110,23 +113,25 @@ def turning(curve: Curve, a: float, b: float) -> tuple[FloatArray, FloatArray, F
     chord = np.linalg.norm(np.diff(d, axis=0), axis=1)
     angle = 2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))
     close = np.diff(t) < 1e-4 * (b - a) / len(breaks)
-    kink = close & (angle > math.radians(3.0))
+    kink = close & (angle > SMOOTH)
     angle[kink] = 0.0
     return t, np.concatenate([[0.0], np.cumsum(angle)]), 0.5 * (t[:-1] + t[1:])[kink]
 
 
 def split_by_turning(curve: Curve, a: float, b: float, limit: float = QUARTER) -> FloatArray:
-    """Parameters from a to b, cut at kinks and so that each part turns at most ``limit``."""
+    """Parameters from a to b, cut at kinks and so that each part turns about ``limit`` at most."""
     if curve.straight:
         return np.array([a, b])
     if isinstance(curve, Conic) and curve.kind == "ellipse":
         n = max(1, math.ceil((b - a) / limit - 1e-9))
         return np.linspace(a, b, n + 1)
+    if isinstance(curve, BSpline) and curve.turn <= (1.0 + SLACK) * limit:
+        return np.array([a, b])
     t, total, kinks = turning(curve, a, b)
     stations = [a]
     for low, high in zip([a, *kinks], [*kinks, b], strict=True):
         at = np.interp([low, high], t, total)
-        n = max(1, math.ceil((at[1] - at[0]) / limit - 1e-3))
+        n = max(1, math.ceil((at[1] - at[0]) / limit - SLACK))
         targets = at[0] + (at[1] - at[0]) * np.arange(1, n) / n
         inside = (t > low) & (t < high)
         if n > 1 and inside.sum() > 1:
@@ -213,7 +218,8 @@ def _exact(edge: Edge) -> list[Piece] | None:
     if isinstance(curve, Conic):
         up = nurbs.elevation(2)
         kind = {"parabola": "linear"}.get(curve.kind, curve.kind)
-        return [Piece(a, b, up @ curve.quadratic(a, b), True, kind) for a, b in pairs]
+        nets = up @ curve.quadratics(cuts)
+        return [Piece(a, b, net, True, kind) for (a, b), net in zip(pairs, nets, strict=True)]
     if isinstance(curve, BSpline) and curve.degree <= 3:
         out: list[Piece] = []
         for a, b in pairs:

@@ -79,7 +79,8 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def length(a: FloatArray) -> FloatArray:
     """Euclidean norms (...) of vectors (..., 3)."""
-    return np.asarray(np.sqrt((a * a).sum(axis=-1)))
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def _angles(a: FloatArray, b: FloatArray) -> FloatArray:

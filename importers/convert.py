@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -14,16 +14,15 @@ from patchlight.solver.model import bezier
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .area import face_area
-from .cells import Cell, overlap, samples_of
-from .curved_domain import curved_domain
+from .cells import THIN, Cell, overlap, samples_of
+from .curved_domain import curved_domain, turned_hole
 from .domain import Domain
+from .edge_gaps import Follow, Measure, followed, measured
 from .exact_nets import planar_nets
 from .extract import RawFace
 from .lift import Lifted, Task, lifted
 from .moments import vector_areas
-from .pairing import THIN
 from .planar_domain import enclosed_area, planar_domain
-from .projected import projected
 from .quadrangulate import STRICT, cells_of
 from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle
 from .surfaces import Plane, SplineSurface, Surface
@@ -37,8 +36,6 @@ AREA_EXACT = 1e-6
 FOLD = 1e-7
 #: Share of a curved face that cells may cover twice: too little to see in its area.
 THIN_LOSS = 1e-6
-#: Where gaps along edges are measured.
-GAP_PLACES = np.linspace(0.0, 1.0, 7)
 MISSED = "the tolerance was not reached"
 
 
@@ -61,7 +58,7 @@ class FacePatches:
     domain: Domain | None = None
 
 
-#: What a face asks for until it is done: lifted cells, or areas of nets.
+#: What a face asks for until it is done.
 Run = Generator[Any, Any, FacePatches]
 #: Errors of one face that leave the others alone.
 ERRORS = (GeometryError, np.linalg.LinAlgError, ArithmeticError, LookupError, ValueError)
@@ -91,27 +88,42 @@ def convert_faces(
             except StopIteration as done:
                 out[i] = done.value
                 del runs[i]
-        tasks = {i: x for i, x in asked.items() if isinstance(x, Task)}
-        nets = {i: x for i, x in asked.items() if not isinstance(x, Task)}
-        answers = dict(zip(tasks, _lifted(list(tasks.values())), strict=True))
-        answers |= dict(zip(nets, _areas(list(nets.values())), strict=True))
+        answers = {}
+        for sort, answer_all in _ANSWERS.items():
+            some = {i: x for i, x in asked.items() if isinstance(x, sort)}
+            answers |= zip(some, _answered(answer_all, list(some.values())), strict=True)
     return [out[i] for i in range(len(raws))]
 
 
-def _lifted(tasks: list[Task]) -> list[Lifted | Exception]:
-    """Lifted faces; an error belongs to the one face that causes it."""
+def _answered(answer_all: Callable, asked: list[Any]) -> list[Any]:
+    """Answers to what faces ask for; an error belongs to the one face that causes it."""
     try:
-        return [*lifted(tasks)] if tasks else []
+        return [*answer_all(asked)] if asked else []
     except ERRORS as error:
-        return [error] if len(tasks) == 1 else [x for t in tasks for x in _lifted([t])]
+        return (
+            [error]
+            if len(asked) == 1
+            else [x for one in asked for x in _answered(answer_all, [one])]
+        )
 
 
 def _areas(nets: list[FloatArray]) -> list[FloatArray]:
     """Areas of the patches of some faces."""
-    if not nets:
-        return []
     ends = np.cumsum([len(n) for n in nets])
     return np.split(bezier.areas(np.concatenate(nets)), ends[:-1])
+
+
+def _planar_patches(some: list[list[Cell]]) -> list[tuple[FloatArray, FloatArray]]:
+    """Patches of the cells of some planar faces, and their areas."""
+    nets = planar_nets([cell for cells in some for cell in cells])
+    ends = np.cumsum([len(cells) for cells in some])[:-1]
+    return list(zip(np.split(nets, ends), np.split(bezier.areas(nets), ends), strict=True))
+
+
+#: What faces ask for, and who answers all of them at once.
+_ANSWERS: dict[type, Callable] = {
+    Task: lifted, list: _planar_patches, np.ndarray: _areas, Measure: measured, Follow: followed
+}  # fmt: skip
 
 
 def _run(raw: RawFace, tolerance: float, angle_deg: float, size: float) -> Run:
@@ -127,7 +139,8 @@ def _run(raw: RawFace, tolerance: float, angle_deg: float, size: float) -> Run:
     except (GeometryError, FloatingPointError, np.linalg.LinAlgError) as error:
         return FacePatches(kind, reason=str(error))
     except ERRORS as error:
-        return FacePatches(kind, reason=f"unexpected geometry ({error})")
+        # Of ours, most likely: the other faces stay, and the certificate names it.
+        return FacePatches(kind, reason=f"unexpected geometry ({type(error).__name__}: {error})")
     if raw.reversed and len(out.nets):
         out.nets = out.nets[:, ::-1]
         out.edges = out.edges[:, [0, 3, 2, 1]]
@@ -154,7 +167,10 @@ def check_area(raw: RawFace, face: FacePatches) -> None:
     domain, face.domain = face.domain, None
     if domain is None or not len(face.nets):
         return
-    face.area_error = _relative(face.area, face_area(raw, domain))
+    try:
+        face.area_error = _relative(face.area, face_area(raw, domain))
+    except GeometryError:  # the CAD kernel does not know its own surface: unchecked
+        return
     if face.area_error > (AREA_EXACT if face.exact else AREA_LIMIT):
         face.exact = False
         face.reason = f"area off by {face.area_error:.1e}"
@@ -173,9 +189,9 @@ def _planar(raw: RawFace, surface: Plane) -> Run:
         except GeometryError as error:
             reason = reason or str(error)
             continue
-        nets = planar_nets(cells)
+        nets, areas = yield cells
         edges = np.array([c.edges for c in cells])
-        nets, edges, areas = _drop_empty(nets, edges, (yield nets))
+        nets, edges, areas = _drop_empty(nets, edges, areas)
         area = float(areas.sum())
         out = FacePatches("plane", nets, edges, domain.exact, gap=domain.gap, area=area)
         # Cells that fold or overlap have more area than the boundary encloses.
@@ -222,7 +238,7 @@ def _cells(domain: Domain, attempt: int, planar_area: float = 0.0, *, thin: floa
     folded = partial(_folded, whole=planar_area) if planar else None
     cells = []
     for region in domain.regions:
-        loops = region
+        loops = region if planar else [region[0], *map(turned_hole, region[1:])]
         for _ in range(attempt):
             loops = [
                 [part for a in loop for part in (a.halves() if not a.straight else (a,))]
@@ -232,56 +248,16 @@ def _cells(domain: Domain, attempt: int, planar_area: float = 0.0, *, thin: floa
     return cells
 
 
-def follow_edges(raw: RawFace, surface: Surface, limit: float) -> None:
-    """Replace curves in (u, v) that leave their edge by more than ``limit`` by projections of it.
-
-    Files hold such curves (polygons, other parameters), and patches of both faces must end at the
-    edge.
-    """
-    f = np.array([0.0, 0.13, 0.25, 0.38, 0.5, 0.62, 0.75, 0.87, 1.0])
-    for uses in raw.loops:
-        for use in uses:
-            edge = use.edge
-            if edge.curve is None or use.curve is None:
-                continue
-            uv = use.curve.evaluate(use.start + (use.end - use.start) * f)
-            x = edge.curve.evaluate(edge.start + (edge.end - edge.start) * f)
-            off = np.linalg.norm(surface.points(uv[:, 0], uv[:, 1]) - x, axis=1).max()
-            if off <= limit or use.end == use.start:
-                continue
-            better = projected(use, surface, 0.1 * limit)
-            uv = better.evaluate(use.start + (use.end - use.start) * f)
-            now = np.linalg.norm(surface.points(uv[:, 0], uv[:, 1]) - x, axis=1).max()
-            if now < 0.5 * off:
-                use.curve = better
-
-
-def _edge_gap(raw: RawFace) -> float:
-    """Largest distance between the surface along the boundary and the edges in space."""
-    uv, space = [], []
-    for uses in raw.loops:
-        for use in uses:
-            if use.edge.curve is None or use.curve is None:
-                continue
-            uv.append(use.curve.evaluate(use.start + (use.end - use.start) * GAP_PLACES))
-            edge = use.edge
-            space.append(edge.curve.evaluate(edge.start + (edge.end - edge.start) * GAP_PLACES))  # type: ignore[union-attr]
-    if not uv or raw.surface is None:
-        return 0.0
-    p = np.concatenate(uv)
-    x = raw.surface.points(p[:, 0], p[:, 1])
-    return float(np.linalg.norm(x - np.concatenate(space), axis=1).max())
-
-
 def _curved(raw: RawFace, surface: Surface, tolerance: float, angle_deg: float, size: float) -> Run:
+    off = yield Measure(raw)
     domain = curved_domain(raw, surface)
-    gap = _edge_gap(raw)
+    gap = float(off.max(initial=0.0))
     margin = min(1e-6 * domain.size, 0.1 * tolerance)
     box = rectangle(domain, margin)
     if gap > 0.02 * tolerance and (box is None or gap > tolerance):
-        follow_edges(raw, surface, 0.02 * tolerance)
+        off = yield Follow(raw, off, 0.02 * tolerance)
         domain = curved_domain(raw, surface)
-        gap = _edge_gap(raw)
+        gap = float(off.max(initial=0.0))
         box = rectangle(domain, margin)
     # The tolerance follows the part, but a small face must keep its own area and shape as well.
     fine = min(tolerance, 1e-3 * max(domain.size, 1e-300))

@@ -13,6 +13,7 @@ from .arcs import Arc, Chord, EdgeArc, EdgeSide
 from .chains import chain, split_by_turning
 from .domain import Domain, Loop, outline, regions_of
 from .extract import EdgeUse, RawFace
+from .joined_arcs import BentArc, bends
 from .surfaces import Surface
 from .triangulate import signed_area
 
@@ -36,8 +37,7 @@ def metric(surface: Surface, low: FloatArray, high: FloatArray) -> FloatArray:
     """Mean |P_u| and |P_v| over a box: scale factors that make (u, v) look like the surface."""
     g = (np.arange(6) + 0.5) / 6
     u, v = np.meshgrid(low[0] + g * (high[0] - low[0]), low[1] + g * (high[1] - low[1]))
-    _, pu, pv = surface.evaluate(u.ravel(), v.ravel())
-    out = np.array([np.linalg.norm(pu, axis=-1).mean(), np.linalg.norm(pv, axis=-1).mean()])
+    out = np.array([speed.mean() for speed in surface.speeds(u.ravel(), v.ravel())])
     if not (np.isfinite(out).all() and (out > 0.0).all()):
         raise GeometryError("the surface is degenerate over the whole face")
     return out
@@ -50,8 +50,8 @@ def unwrapped(face: RawFace, surface: Surface) -> list[list[tuple[EdgeUse, Float
         shifted: list[tuple[EdgeUse, FloatArray]] = []
         at: FloatArray | None = None
         for use in uses:
-            assert use.curve is not None
-            ends = use.curve.evaluate(np.array([use.start, use.end]))
+            assert use.places is not None
+            ends = use.places[[0, -1]]
             if use.reversed:
                 ends = ends[::-1]
             shift = np.zeros(2)
@@ -67,16 +67,12 @@ def unwrapped(face: RawFace, surface: Surface) -> list[list[tuple[EdgeUse, Float
 
 
 def curved_domain(face: RawFace, surface: Surface) -> Domain:
-    """Loops of a face on a curved surface from its curves in (u, v)."""
+    """Loops of a face on a curved surface from its curves in (u, v), at `EdgeUse.places`."""
     chains = unwrapped(face, surface)
-    points = []
-    for loop in chains:
-        for use, shift in loop:
-            t = np.linspace(use.start, use.end, 9)
-            points.append(use.curve.evaluate(t) + shift)  # type: ignore[union-attr]
+    points = [(use.places, shift) for loop in chains for use, shift in loop]
     if not points:
         raise GeometryError("the face has no boundary")
-    every = np.concatenate(points)
+    every = np.concatenate([p + shift for p, shift in points if p is not None])
     low, high = every.min(axis=0), every.max(axis=0)
     if not (high > low).all():
         raise GeometryError("the boundary encloses no area")
@@ -165,7 +161,7 @@ def _cut_poles(loops: list[Loop]) -> list[Loop]:
 def _turning_parts(arc: EdgeArc) -> Loop:
     """The arc, halved where its curve in (u, v) turns much more than the edge in space."""
     a, b = arc.parameter(np.array([0.0, 1.0])).tolist()
-    n = len(split_by_turning(arc.side.curve, min(a, b), max(a, b), limit=0.6 * math.pi)) - 1
+    n = len(split_by_turning(arc.side.curve, min(a, b), max(a, b))) - 1
     out: Loop = [arc]
     while len(out) < n:
         out = [half for part in out for half in part.halves()]
@@ -179,7 +175,7 @@ def _closed_curved(
     surface: Surface,
 ) -> Loop:
     """Loop without zero arcs; openings (a missing pole or seam) bridged by chords."""
-    arcs = [a for a in arcs if np.ptp(a.samples, axis=0).max() > 1e-8 * size]
+    arcs = [a for a in arcs if a.extent > 1e-8 * size]
     if not arcs:
         return []
     scale = arcs[0].scale
@@ -251,4 +247,28 @@ def _in_period(loops: list[Loop], surface: Surface, scale: FloatArray) -> list[L
             if period:
                 by[k] = period * round(float(middle[k] - center[k]) / period)
         out.append([_shifted(arc, by) for arc in loop] if by.any() else loop)
+    return out
+
+
+def turned_hole(loop: Loop) -> Loop:
+    """A smooth hole of four arcs with its corners between those that lie along u and v.
+
+    Neighbouring holes stand in rows along u and v more often than not. Lines between corners in the
+    directions of these rows touch the holes, which gives cells with cusps; from corners halfway
+    they leave at 45 degrees.
+    """
+    if len(loop) != 4 or not all(bends(loop[k - 1], loop[k]) for k in range(4)):
+        return loop
+    corners = np.array([a.start for a in loop])
+    spokes = corners - outline(loop).mean(axis=0)
+    angle = np.arctan2(spokes[:, 1], spokes[:, 0])
+    # Mean of the angles to the nearest axis, as one of angles that repeat every quarter of a turn.
+    if np.cos(4.0 * angle).sum() <= 0.0:
+        return loop
+    halves = [a.halves() for a in loop]
+    out: Loop = []
+    for k in range(4):
+        first, second = halves[k - 1][1], halves[k][0]
+        assert isinstance(first, EdgeArc) and isinstance(second, EdgeArc)
+        out.append(BentArc(first, second))
     return out

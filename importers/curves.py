@@ -15,6 +15,9 @@ from patchlight.solver.model.arrays import FloatArray
 
 from . import nurbs
 
+#: Pieces of a spline that meet at a smaller angle have no kink there. [rad]
+SMOOTH = math.radians(3.0)
+
 
 class Curve:
     """Base: ``evaluate`` (n,) -> (n, d) points and ``slope`` (n,) -> (n, d) derivatives."""
@@ -47,6 +50,15 @@ class Line(Curve):
         return np.broadcast_to(self.direction, (*np.shape(t), len(self.direction)))
 
 
+def conic_functions(kind: str, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """f(t) and g(t) of a `Conic`."""
+    if kind == "ellipse":
+        return np.cos(t), np.sin(t)
+    if kind == "hyperbola":
+        return np.cosh(t), np.sinh(t)
+    return t * t, t
+
+
 @dataclass(slots=True)
 class Conic(Curve):
     """centre + f(t) x + g(t) y with (f, g) = (cos, sin), (cosh, sinh) or (t²/4F, t)."""
@@ -57,12 +69,8 @@ class Conic(Curve):
     y: FloatArray
 
     def evaluate(self, t: FloatArray) -> FloatArray:
-        t = np.asarray(t)[..., None]
-        if self.kind == "ellipse":
-            return np.asarray(self.center + np.cos(t) * self.x + np.sin(t) * self.y)
-        if self.kind == "hyperbola":
-            return np.asarray(self.center + np.cosh(t) * self.x + np.sinh(t) * self.y)
-        return np.asarray(self.center + t * t * self.x + t * self.y)
+        f, g = conic_functions(self.kind, np.asarray(t)[..., None])
+        return np.asarray(self.center + f * self.x + g * self.y)
 
     def slope(self, t: FloatArray) -> FloatArray:
         t = np.asarray(t)[..., None]
@@ -72,23 +80,21 @@ class Conic(Curve):
             return np.asarray(np.sinh(t) * self.x + np.cosh(t) * self.y)
         return np.asarray(2.0 * t * self.x + self.y)
 
-    def quadratic(self, a: float, b: float) -> FloatArray:
-        """Homogeneous quadratic (3, d + 1) of the arc [a, b]; end weights 1."""
-        h, m = 0.5 * (b - a), 0.5 * (a + b)
+    def quadratics(self, cuts: FloatArray) -> FloatArray:
+        """Homogeneous quadratics (n, 3, d + 1) of the arcs between ``cuts`` (n + 1,); end
+        weights 1."""
+        a, b = cuts[:-1], cuts[1:]
         d = len(self.center)
-        out = np.ones((3, d + 1))
-        ends = self.evaluate(np.array([a, b]))
-        out[0, :d], out[2, :d] = ends
-        if self.kind == "ellipse":
-            w = math.cos(h)
-            middle = w * self.center + math.cos(m) * self.x + math.sin(m) * self.y
-        elif self.kind == "hyperbola":
-            w = math.cosh(h)
-            middle = w * self.center + math.cosh(m) * self.x + math.sinh(m) * self.y
+        out = np.ones((len(a), 3, d + 1))
+        ends = self.evaluate(cuts)
+        out[:, 0, :d], out[:, 2, :d] = ends[:-1], ends[1:]
+        f, g = conic_functions(self.kind, 0.5 * (a + b))
+        if self.kind == "parabola":
+            f = a * b
         else:
-            w = 1.0
-            middle = self.center + a * b * self.x + m * self.y
-        out[1, :d], out[1, d] = middle, w
+            out[:, 1, d] = conic_functions(self.kind, 0.5 * (b - a))[0]
+        middle = out[:, 1, d:] * self.center + f[:, None] * self.x + g[:, None] * self.y
+        out[:, 1, :d] = middle
         return out
 
 
@@ -100,6 +106,7 @@ class BSpline(Curve):
     pieces: FloatArray
     degree: int
     period: float | None = None
+    _turn: float | None = None
 
     def _homogeneous(self, t: FloatArray, basis: Callable) -> tuple[FloatArray, FloatArray]:
         t = nurbs.wrap(t, float(self.knots[0]), self.period)
@@ -118,6 +125,27 @@ class BSpline(Curve):
 
     def breaks(self, a: float, b: float) -> FloatArray:
         return nurbs.knots_between(self.knots, self.period, a, b)
+
+    @property
+    def turn(self) -> float:
+        """An angle [rad] that the direction of the curve turns by at most; inf if none is known.
+
+        Raising the degree of a polynomial cuts corners off its polygon, which cannot make that turn
+        more, and the polygons tend to the curve.
+        """
+        if self._turn is None:
+            self._turn = math.inf
+            w = self.pieces[..., -1]
+            legs = np.diff(self.pieces[..., :-1], axis=1)
+            size = np.sqrt((legs * legs).sum(axis=2))
+            if (w == w[:, :1]).all() and (size > 0.0).all():
+                legs = (legs / size[..., None]).reshape(-1, legs.shape[2])
+                cosines = (legs[1:] * legs[:-1]).sum(axis=1)
+                turns = np.arccos(np.clip(cosines, -1.0, 1.0))
+                # A kink between pieces is none of the curve's turning.
+                if not (turns[self.degree - 1 :: self.degree] > SMOOTH).any():
+                    self._turn = float(turns.sum())
+        return self._turn
 
 
 @dataclass(slots=True)

@@ -29,13 +29,13 @@ class Domain:
     @property
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper corner (2,) in (u, v)."""
-        every = np.concatenate([a.samples for r in self.regions for loop in r for a in loop])
+        every = np.concatenate([a.outline for r in self.regions for loop in r for a in loop])
         return every.min(axis=0) / self.scale, every.max(axis=0) / self.scale
 
 
 def outline(loop: Loop) -> FloatArray:
     """Closed polygon (n, 2) of a loop in scaled coordinates."""
-    return np.concatenate([a.samples[:-1] for a in loop])
+    return np.concatenate([a.outline[:-1] for a in loop])
 
 
 def regions_of(loops: list[Loop]) -> list[list[Loop]]:

@@ -10,16 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from patchlight.solver.errors import GeometryError
 from patchlight.solver.model import EDGE_KINDS
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from .compare import BoolArray, cross, length
-from .convert import ERRORS
-from .curves import BSpline, Line
 from .extract import Edge, EdgeUse, RawFace
 from .free_edges import Lone, lone_edges
 from .surfaces import Plane, Surface
-from .together import CurveBatch, SurfaceBatch
+from .together import SurfaceBatch, points_of
 
 UNKNOWN, SMOOTH, SHARP, FREE, NON_MANIFOLD, DEGENERATE = range(len(EDGE_KINDS))
 #: Shares of an edge at which normals are compared: not its ends, where surfaces have poles.
@@ -158,7 +157,7 @@ class _Uses:
         """
         try:
             return self._normals(rows, shares)
-        except ERRORS:
+        except GeometryError:
             if len(rows) == 1:
                 return np.full((1, shares.shape[1], 3), np.nan)
             half = len(rows) // 2
@@ -197,29 +196,10 @@ class _Uses:
 
 
 def _places(uses: Sequence[EdgeUse], shares: FloatArray) -> FloatArray:
-    """(u, v) (m, k, 2) of uses of edges at shares (m, k): curves of one sort in one go."""
+    """(u, v) (m, k, 2) of uses of edges at shares (m, k)."""
     ends = np.array([(u.start, u.end) for u in uses])
-    t = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * shares
-    out = np.empty((*shares.shape, 2))
-    sorts: dict[int, list[int]] = {}
-    for k, use in enumerate(uses):
-        curve = use.curve
-        assert curve is not None
-        if isinstance(curve, Line):
-            sorts.setdefault(0, []).append(k)
-        elif isinstance(curve, BSpline):
-            sorts.setdefault(curve.degree, []).append(k)
-        else:
-            out[k] = curve.evaluate(t[k])
-    for degree, rows in sorts.items():
-        curves = [uses[k].curve for k in rows]
-        if degree:
-            batch = CurveBatch(curves)  # type: ignore[arg-type]  # splines of one degree
-            out[rows] = batch.evaluate(np.arange(len(rows)), t[rows])
-        else:
-            line = np.array([(*c.origin, *c.direction) for c in curves])  # type: ignore[union-attr]
-            out[rows] = line[:, None, :2] + t[rows][..., None] * line[:, None, 2:]
-    return out
+    curves = [u.curve for u in uses if u.curve is not None]
+    return points_of(curves, ends[:, :1] + np.diff(ends) * shares, 2)
 
 
 def _angles(

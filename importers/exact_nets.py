@@ -43,12 +43,10 @@ def spline_nets(surface_pieces: FloatArray, u_cuts: list, v_cuts: list) -> Float
 
     ``u_cuts`` and ``v_cuts`` list (piece, local start, local end).
     """
-    out = []
-    for i, a, b in u_cuts:
-        for j, c, d in v_cuts:
-            part = nurbs.restricted(surface_pieces[i, j], a, b)
-            part = np.swapaxes(nurbs.restricted(np.swapaxes(part, 0, 1), c, d), 0, 1)
-            up, vp = nurbs.elevation(part.shape[0] - 1), nurbs.elevation(part.shape[1] - 1)
-            net = np.einsum("ai,bj,ijk->abk", up, vp, part)
-            out.append(net / net[..., 3].max())
-    return np.array(out)
+    du, dv = surface_pieces.shape[2] - 1, surface_pieces.shape[3] - 1
+    i, j = np.array([c[0] for c in u_cuts]), np.array([c[0] for c in v_cuts])
+    along_u = nurbs.elevation(du) @ np.array([nurbs.restriction(du, a, b) for _, a, b in u_cuts])
+    along_v = nurbs.elevation(dv) @ np.array([nurbs.restriction(dv, a, b) for _, a, b in v_cuts])
+    nets = along_v[:, None] @ surface_pieces[i[:, None], j]
+    nets = (along_u[:, None] @ nets.reshape(len(i), len(j), du + 1, -1)).reshape(-1, 4, 4, 4)
+    return np.asarray(nets / nets[..., 3].max(axis=(1, 2))[:, None, None, None])

@@ -5,7 +5,7 @@ The CAD kernel is asked once per face and edge; everything after works on arrays
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -47,10 +47,12 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Iterator
 from OCP.TopTools import TopTools_IndexedMapOfShape
+from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray
 
 from . import nurbs
 from .curves import BSpline, Conic, Curve, Line, Sampled
+from .kernel_errors import asking_the_kernel
 from .surfaces import (
     Extrusion,
     Offset,
@@ -89,7 +91,8 @@ class Edge:
 class EdgeUse:
     """An edge on a face: its curve in (u, v) and the sense in which the loop runs along it.
 
-    ``degenerate`` is also what edges without a curve in space are converted as.
+    ``degenerate`` is also what edges without a curve in space are converted as. ``places`` (9, 2)
+    are points in (u, v), evenly from ``start`` to ``end``, from `edge_gaps`.
     """
 
     edge: Edge
@@ -98,6 +101,7 @@ class EdgeUse:
     end: float
     reversed: bool
     degenerate: bool
+    places: FloatArray | None = None
 
 
 @dataclass(slots=True)
@@ -109,50 +113,45 @@ class RawFace:
     loops: list[list[EdgeUse]]
     tolerance: float
     reason: str = ""
-    edges: list[int] = field(default_factory=list)
 
 
-def _xyz(p: Any) -> FloatArray:
-    return np.array([p.X(), p.Y(), p.Z()])
-
-
-def _xy(p: Any) -> FloatArray:
-    return np.array([p.X(), p.Y()])
+def _array(p: Any) -> FloatArray:
+    """Coordinates of a point or direction."""
+    return np.array(p.Coord())
 
 
 def _frame(position: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     return (
-        _xyz(position.Location()),
-        _xyz(position.XDirection()),
-        _xyz(position.YDirection()),
-        _xyz(position.Direction()),
+        _array(position.Location()),
+        _array(position.XDirection()),
+        _array(position.YDirection()),
+        _array(position.Direction()),
     )
 
 
-def _flat(knots: Any, multiplicities: Any, n: int) -> FloatArray:
-    k = [knots.Value(i) for i in range(knots.Lower(), knots.Upper() + 1)]
-    m = [multiplicities.Value(i) for i in range(multiplicities.Lower(), multiplicities.Upper() + 1)]
-    return np.repeat(np.array(k), m)
+def _flat(knots: Any, multiplicities: Any) -> FloatArray:
+    every = range(knots.Lower(), knots.Upper() + 1)
+    return np.repeat([knots.Value(i) for i in every], [multiplicities.Value(i) for i in every])
 
 
-def _spline_curve(c: Any, coordinates: Any) -> Curve:
+def _spline_curve(c: Any) -> Curve:
     period = None
     if c.IsPeriodic():
         period = c.Period()
         c = c.Copy()
         c.SetNotPeriodic()
     n, degree = c.NbPoles(), c.Degree()
-    points = np.array([coordinates(c.Pole(i)) for i in range(1, n + 1)])
+    points = np.array([c.Pole(i).Coord() for i in range(1, n + 1)])
     w = np.array([c.Weight(i) for i in range(1, n + 1)]) if c.IsRational() else np.ones(n)
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
-    flat = _flat(c.Knots(), c.Multiplicities(), n)
+    flat = _flat(c.Knots(), c.Multiplicities())
     breaks, pieces = nurbs.bezier_pieces(flat, degree, h)
     return _simplest(BSpline(breaks, pieces, degree, period))
 
 
-def _bezier_curve(c: Any, coordinates: Any) -> Curve:
+def _bezier_curve(c: Any) -> Curve:
     n = c.NbPoles()
-    points = np.array([coordinates(c.Pole(i)) for i in range(1, n + 1)])
+    points = np.array([c.Pole(i).Coord() for i in range(1, n + 1)])
     w = np.array([c.Weight(i) for i in range(1, n + 1)])
     h = np.concatenate([points * w[:, None], w[:, None]], axis=1)
     return _simplest(BSpline(np.array([0.0, 1.0]), h[None], n - 1))
@@ -178,7 +177,7 @@ def curve_3d(c: Any) -> Curve:
         c = c.BasisCurve()
     if isinstance(c, Geom_Line):
         p = c.Position()
-        return Line(_xyz(p.Location()), _xyz(p.Direction()))
+        return Line(_array(p.Location()), _array(p.Direction()))
     if isinstance(c, Geom_Circle):
         o, x, y, _ = _frame(c.Position())
         return Conic("ellipse", o, c.Radius() * x, c.Radius() * y)
@@ -190,14 +189,15 @@ def curve_3d(c: Any) -> Curve:
         o, x, y, _ = _frame(c.Position())
         return Conic("parabola", o, x / (4.0 * c.Focal()), y)
     if isinstance(c, Geom_BSplineCurve):
-        return _spline_curve(c, lambda p: (p.X(), p.Y(), p.Z()))
+        return _spline_curve(c)
     if isinstance(c, Geom_BezierCurve):
-        return _bezier_curve(c, lambda p: (p.X(), p.Y(), p.Z()))
+        return _bezier_curve(c)
 
     def point(t: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         p, d = gp_Pnt(), gp_Vec()
-        c.D1(t, p, d)
-        return (p.X(), p.Y(), p.Z()), (d.X(), d.Y(), d.Z())
+        with asking_the_kernel():
+            c.D1(t, p, d)
+        return p.Coord(), d.Coord()
 
     return Sampled(point)
 
@@ -207,10 +207,10 @@ def curve_2d(c: Any) -> Curve:
     while isinstance(c, Geom2d_TrimmedCurve):
         c = c.BasisCurve()
     if isinstance(c, Geom2d_Line):
-        return Line(_xy(c.Location()), _xy(c.Direction()))
+        return Line(_array(c.Location()), _array(c.Direction()))
     if isinstance(c, Geom2d_Circle | Geom2d_Ellipse | Geom2d_Hyperbola | Geom2d_Parabola):
         p = c.Position()
-        o, x, y = _xy(p.Location()), _xy(p.XDirection()), _xy(p.YDirection())
+        o, x, y = _array(p.Location()), _array(p.XDirection()), _array(p.YDirection())
         if isinstance(c, Geom2d_Circle):
             return Conic("ellipse", o, c.Radius() * x, c.Radius() * y)
         if isinstance(c, Geom2d_Parabola):
@@ -218,14 +218,15 @@ def curve_2d(c: Any) -> Curve:
         kind = "ellipse" if isinstance(c, Geom2d_Ellipse) else "hyperbola"
         return Conic(kind, o, c.MajorRadius() * x, c.MinorRadius() * y)
     if isinstance(c, Geom2d_BSplineCurve):
-        return _spline_curve(c, lambda p: (p.X(), p.Y()))
+        return _spline_curve(c)
     if isinstance(c, Geom2d_BezierCurve):
-        return _bezier_curve(c, lambda p: (p.X(), p.Y()))
+        return _bezier_curve(c)
 
     def point(t: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         p, d = gp_Pnt2d(), gp_Vec2d()
-        c.D1(t, p, d)
-        return (p.X(), p.Y()), (d.X(), d.Y())
+        with asking_the_kernel():
+            c.D1(t, p, d)
+        return p.Coord(), d.Coord()
 
     return Sampled(point)
 
@@ -248,8 +249,8 @@ def _spline_surface(s: Any) -> SplineSurface:
             if s.IsVPeriodic():
                 s.SetVNotPeriodic()
         nu, nv, du, dv = s.NbUPoles(), s.NbVPoles(), s.UDegree(), s.VDegree()
-        u_flat = _flat(s.UKnots(), s.UMultiplicities(), nu)
-        v_flat = _flat(s.VKnots(), s.VMultiplicities(), nv)
+        u_flat = _flat(s.UKnots(), s.UMultiplicities())
+        v_flat = _flat(s.VKnots(), s.VMultiplicities())
     h = np.ones((nu, nv, 4))
     pole = s.Pole
     h[..., :3] = [[pole(i, j).Coord() for j in range(1, nv + 1)] for i in range(1, nu + 1)]
@@ -296,16 +297,19 @@ def surface(s: Any, box: tuple[float, float, float, float]) -> Surface:
         return _spline_surface(s)
     if isinstance(s, Geom_SurfaceOfRevolution):
         axis = s.Axis()
-        return Revolution(_xyz(axis.Location()), _xyz(axis.Direction()), curve_3d(s.BasisCurve()))
+        return Revolution(
+            _array(axis.Location()), _array(axis.Direction()), curve_3d(s.BasisCurve())
+        )
     if isinstance(s, Geom_SurfaceOfLinearExtrusion):
         period = s.UPeriod() if s.IsUPeriodic() else None
-        return Extrusion(curve_3d(s.BasisCurve()), _xyz(s.Direction()), (period, None))
+        return Extrusion(curve_3d(s.BasisCurve()), _array(s.Direction()), (period, None))
     if isinstance(s, Geom_OffsetSurface):
         return Offset(surface(s.BasisSurface(), box), s.Offset(), box)
 
     def point(u: float, v: float) -> tuple[tuple[float, ...], ...]:
         p, a, b = gp_Pnt(), gp_Vec(), gp_Vec()
-        s.D1(u, v, p, a, b)
+        with asking_the_kernel():
+            s.D1(u, v, p, a, b)
         return p.Coord(), a.Coord(), b.Coord()
 
     periods = (s.UPeriod() if s.IsUPeriodic() else None, s.VPeriod() if s.IsVPeriodic() else None)
@@ -349,8 +353,18 @@ class Extractor:
         return found
 
     def face(self, face: Any) -> RawFace:
-        """Surface and loops of a face; loops run with the material of (u, v) on their left."""
+        """Surface and loops of a face; loops run with the material of (u, v) on their left.
+
+        Where the CAD kernel fails there is no surface, but its reason.
+        """
         is_reversed = face.Orientation() == TopAbs_REVERSED
+        try:
+            with asking_the_kernel():
+                return self._face(face, is_reversed)
+        except GeometryError as error:
+            return RawFace(None, is_reversed, [], 0.0, str(error))
+
+    def _face(self, face: Any, is_reversed: bool) -> RawFace:
         f = TopoDS.Face_s(face.Oriented(TopAbs_FORWARD))
         geometry = BRep_Tool.Surface_s(f)
         if geometry is None:

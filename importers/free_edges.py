@@ -11,6 +11,7 @@ from patchlight.solver.model.bezier import gauss_rule
 
 from .compare import BoolArray
 from .extract import Edge
+from .together import points_of
 from .triangulate import overlapping
 
 #: Where edges are sampled to find those that lie on each other.
@@ -130,12 +131,10 @@ class _Lines:
 
     def points_at(self, which: IntArray, shares: FloatArray) -> FloatArray:
         """Points (m, k, 3) of the edges ``which`` (m,) at ``shares`` (m, k)."""
-        out = np.empty((*shares.shape, 3))
-        for row, (i, s) in enumerate(zip(which.tolist(), shares, strict=True)):
-            edge = self.edges[i]
-            assert edge.curve is not None
-            out[row] = edge.curve.evaluate(edge.start + (edge.end - edge.start) * s)
-        return out
+        edges = [self.edges[i] for i in which.tolist()]
+        ends = np.array([(e.start, e.end) for e in edges]).reshape(-1, 2)
+        curves = [e.curve for e in edges if e.curve is not None]
+        return points_of(curves, ends[:, :1] + np.diff(ends) * shares, 3)
 
     def near(self) -> tuple[IntArray, IntArray]:
         """Pairs of different edges whose boxes are nearer than the tolerance, both ways round."""

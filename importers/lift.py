@@ -34,8 +34,10 @@ _BASIS = bernstein(CHECK)
 _AT_NODES = np.kron(bernstein(LOBATTO), bernstein(LOBATTO))
 _TO_CONTROL = np.kron(TO_CONTROL, TO_CONTROL)
 DEEPEST = 9
-#: Boxes of one level of a face above which halving ends.
+#: Boxes of one level of a face above which halving ends, or so many for each of its cells: a face
+#: with hundreds of holes has thousands of cells before any is halved.
 MOST_BOXES = 1000
+MOST_OF_CELL = 4
 #: Boxes done at a time: the temporary arrays stay in the processor's cache.
 _CACHED_BOXES = 128
 #: Halving is of use where it leaves at most this share of the angle; it is given up after so many
@@ -85,12 +87,14 @@ class Lifted:
 
 @dataclass(slots=True)
 class _Job:
-    """All faces of a batch: sides of their cells, what is asked of each face, which ones move."""
+    """All faces of a batch: sides of their cells, what is asked of each face, which ones move, and
+    above how many boxes halving ends."""
 
     sides: Sides
     asked: Asked
     moved: BoolArray
     eager: BoolArray
+    most: IntArray
 
     @classmethod
     def of(cls, tasks: Sequence[Task]) -> tuple[_Job, FloatArray]:
@@ -115,7 +119,8 @@ class _Job:
             np.array([t.area_limit for t in tasks]), np.array(scale),
             np.zeros(len(tasks)),
         )  # fmt: skip
-        return cls(sides, asked, moved, np.array([t.eager for t in tasks])), gaps
+        most = np.maximum(MOST_BOXES, MOST_OF_CELL * np.bincount(face))
+        return cls(sides, asked, moved, np.array([t.eager for t in tasks]), most), gaps
 
     def faces(self, boxes: Boxes) -> IntArray:
         """Face of each box."""
@@ -137,7 +142,7 @@ def lifted(tasks: Sequence[Task]) -> list[Lifted]:
     boxes = Boxes.of(np.arange(n), np.tile([0.0, 1.0, 0.0, 1.0], (n, 1)))
     converged = np.ones(count, dtype=bool)
     leaves = _without_joints(job, _refined(job, boxes, converged), converged)
-    names = np.where(leaves.boxes.on_border(), job.sides.names[leaves.boxes.cell], -1)
+    names = job.sides.edges(leaves.boxes)
     gap = np.zeros(count)
     np.maximum.at(gap, job.sides.face, gaps.max(axis=1))
     areas = bezier.areas(leaves.nets)
@@ -182,7 +187,7 @@ def _without_joints(job: _Job, leaves: Leaves, converged: BoolArray) -> Leaves:
         bad = ~found.kept & (again.errors[:, 1] <= limit)
         open_[:] = False
         open_[face[changed[bad]]] = round_ < MENDING
-        open_ &= np.bincount(face, minlength=count) <= MOST_BOXES
+        open_ &= np.bincount(face, minlength=count) <= job.most
         final = ~open_[face[changed]]
         leaves.errors[changed[final]] = found.errors[final]
         np.logical_and.at(converged, face[changed[final]], found.kept[final])
@@ -213,7 +218,7 @@ def _refined(job: _Job, boxes: Boxes, converged: BoolArray) -> Leaves:
         errors = level.leaves.errors
         boxes.vain = np.where(errors[:, 1] > STUCK * boxes.before, boxes.vain + 1, 0)
         boxes.before = errors[:, 1]
-        last = (depth == DEEPEST) | (np.bincount(face)[face] > MOST_BOXES)
+        last = (depth == DEEPEST) | (np.bincount(face)[face] > job.most[face])
         hopeless = level.whole & (errors[:, 0] <= 0.1 * job.asked.tolerance[face])
         done = level.kept | (hopeless & (boxes.vain >= IN_VAIN)) | last
         np.logical_and.at(converged, face[done], level.kept[done])

@@ -11,8 +11,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .arcs import Arc
-from .cells import Cell, corner_sines, quality, side_samples, straight_quality
+from .arcs import Arc, EdgeArc
+from .cells import (
+    THIN,
+    Cell,
+    corner_sines,
+    quality,
+    samples_of,
+    side_samples,
+    straight_quality,
+)
+from .joined_arcs import BentArc, bends
 from .triangulate import Pair, Triangle, border_of, clipped, flipped, nudged, settled
 
 ChordMaker = Callable[[FloatArray, FloatArray], Arc]
@@ -227,6 +236,22 @@ class Mesh:
                 found = Cell((sides[0], sides[1], sides[2], sides[3]))
             else:
                 a, b, c = (sides[(collapsed + k) % 3] for k in range(3))
-                found = Cell((a, b, None, c))
+                found = _segment(sides) or Cell((a, b, None, c))
             self._cells[name] = found
         return found
+
+
+def _segment(sides: list[Arc]) -> Cell | None:
+    """The cell between a smooth curve of two arcs and its chord, where three sides are that.
+
+    The vertex in the middle of the curve is neither a corner, at which parameter lines would run
+    along each other, nor an end at which the cell could be collapsed.
+    """
+    for k in range(3):
+        a, b, c = sides[k], sides[(k + 1) % 3], sides[(k + 2) % 3]
+        if not isinstance(c, EdgeArc) and bends(a, b):
+            first, second = (float(np.hypot(*np.diff(x.samples, axis=0).T).sum()) for x in (a, b))
+            whole = BentArc(a, b, first / (first + second))  # type: ignore[arg-type]  # `bends`
+            cell = Cell((whole, None, c, None))
+            return cell if quality(samples_of([cell]))[0] > THIN else None
+    return None

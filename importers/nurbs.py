@@ -51,21 +51,20 @@ def bezier_pieces(
     n = len(poles)
     if n == degree + 1 and knots[0] == knots[degree] and knots[n] == knots[-1]:
         return knots[[degree, n]], poles[None]
-    spans = [i for i in range(degree, n) if knots[i + 1] > knots[i]]
-    index = np.array(spans)
+    index = degree + np.flatnonzero(np.diff(knots[degree : n + 1]) > 0.0)
     a, b = knots[index], knots[index + 1]
-    extra = (1,) * (poles.ndim - 1)
-    out = np.empty((len(index), degree + 1, *poles.shape[1:]))
-    for k in range(degree + 1):
-        level = poles[index[:, None] + np.arange(-degree, 1)]
-        for r in range(1, degree + 1):
-            x = b if r <= k else a
-            j = index[:, None] + np.arange(-degree + r, 1)
-            low, high = knots[j], knots[j + degree - r + 1]
-            alpha = ((x[:, None] - low) / (high - low)).reshape(*j.shape, *extra)
-            level = (1.0 - alpha) * level[:, :-1] + alpha * level[:, 1:]
-        out[:, k] = level[:, 0]
-    return np.append(a, b[-1]), out
+    k = np.arange(degree + 1)
+    # What the blossoms make of the poles of a span, from those of unit vectors.
+    level = np.broadcast_to(np.eye(degree + 1), (len(index), degree + 1, degree + 1, degree + 1))
+    for r in range(1, degree + 1):
+        j = index[:, None] + np.arange(-degree + r, 1)
+        low, high = knots[j][:, None], knots[j + degree - r + 1][:, None]
+        x = np.where(r <= k, b[:, None], a[:, None])[..., None]
+        alpha = ((x - low) / (high - low))[..., None]
+        level = (1.0 - alpha) * level[:, :, :-1] + alpha * level[:, :, 1:]
+    own = poles[index[:, None] + np.arange(-degree, 1)].reshape(len(index), degree + 1, -1)
+    pieces = (level[:, :, 0] @ own).reshape(len(index), degree + 1, *poles.shape[1:])
+    return np.append(a, b[-1]), pieces
 
 
 @cache
@@ -111,17 +110,26 @@ def bernstein_slope(degree: int, t: FloatArray) -> FloatArray:
     return out
 
 
-def bernstein_derivatives(degree: int, t: FloatArray, order: int) -> FloatArray:
-    """Derivatives (..., degree + 1) of ``order`` 0, 1 or 2 of the Bernstein polynomials."""
-    if order == 0:
-        return bernstein_basis(degree, t)
-    if order == 1 or degree < 2:
-        return bernstein_slope(degree, t) if order == 1 else np.zeros((*t.shape, degree + 1))
-    lower = degree * bernstein_slope(degree - 1, t)
-    out = np.zeros((*t.shape, degree + 1))
-    out[..., 1:] = lower
-    out[..., :-1] -= lower
-    return out
+def bernstein_derivatives(degree: int, t: FloatArray, most: int) -> FloatArray:
+    """Derivatives (n, most + 1, degree + 1) of orders 0 to ``most`` <= 2 of the Bernstein
+    polynomials at ``t`` (n,)."""
+    out = np.zeros((most + 1, degree + 1, len(t)))
+    s = 1.0 - t
+    for order in range(min(most, degree) + 1):
+        # Rows are contiguous: polynomials of the lower degree first, then their differences.
+        lower = degree - order
+        rows = out[order]
+        rows[order:] = _binomials(lower)[:, None]
+        rising, falling = t, s
+        for i in range(1, lower + 1):
+            rows[order + i] *= rising
+            rows[order + lower - i] *= falling
+            if i < lower:
+                rising, falling = rising * t, falling * s
+        for k in range(order):
+            rows[order - k - 1 : -1] -= rows[order - k :]
+            rows *= degree - order + k + 1
+    return np.ascontiguousarray(out.transpose(2, 0, 1))
 
 
 def patch_derivatives(
@@ -132,17 +140,18 @@ def patch_derivatives(
     Derivatives are with respect to parameters that run ``ds`` and ``dt`` (n,) over a patch; those
     of w P follow from the net, those of P from Leibniz' rule [2].
     """
-    pu, pv = nets.shape[1] - 1, nets.shape[2] - 1
-    mu, mv = np.max(orders, axis=0).tolist()
-    along_u = [bernstein_derivatives(pu, s, k) / ds[:, None] ** k for k in range(mu + 1)]
-    along_v = [bernstein_derivatives(pv, t, k) / dt[:, None] ** k for k in range(mv + 1)]
-    # First over v: one vector-matrix product a point, with all coefficients in u as columns.
-    flat = np.ascontiguousarray(nets.swapaxes(1, 2)).reshape(len(nets), pv + 1, -1)
-    rows = [(b[:, None] @ flat).reshape(len(nets), pu + 1, 4) for b in along_v]
+    n, pu, pv = len(nets), nets.shape[1] - 1, nets.shape[2] - 1
+    mu, mv = (max(order[k] for order in orders) for k in (0, 1))
+    along_u, along_v = bernstein_derivatives(pu, s, mu), bernstein_derivatives(pv, t, mv)
+    # First over u, with all coefficients in v as columns: the nets stay as they lie in memory.
+    rows = (along_u @ nets.reshape(n, pu + 1, -1)).reshape(n, mu + 1, pv + 1, 4)
+    every = along_v[:, None] @ rows
     found: dict[tuple[int, int], FloatArray] = {}
     weights: dict[tuple[int, int], FloatArray] = {}
     for k, m in orders:
-        h = (along_u[k][:, None] @ rows[m])[:, 0]
+        h = every[:, k, m]
+        if k or m:
+            h = h / (ds**k * dt**m)[:, None]
         a, weights[k, m] = h[:, :3], h[:, 3:]
         for i, j in found:
             if i <= k and j <= m:
@@ -171,19 +180,22 @@ def wrap(t: ArrayLike, start: float, period: float | None) -> FloatArray:
     return np.where(near_end | near_start, t, moved)
 
 
-def restricted(pieces: FloatArray, a: float, b: float) -> FloatArray:
-    """Bézier coefficients (degree + 1, ...) of one piece on its local interval [a, b].
+def restriction(degree: int, a: float, b: float) -> FloatArray:
+    """(degree + 1, degree + 1) matrix that takes Bézier coefficients to those on [a, b].
 
-    Coefficient k is the blossom with k arguments ``b`` and the others ``a`` [1, sec. 5.3].
+    Row k is the blossom with k arguments ``b`` and the others ``a`` [1, sec. 5.3].
     """
-    degree = len(pieces) - 1
-    out = np.empty_like(pieces)
-    for k in range(degree + 1):
-        level = pieces
-        for t in [b] * k + [a] * (degree - k):
-            level = (1.0 - t) * level[:-1] + t * level[1:]
-        out[k] = level[0]
-    return out
+    level = np.broadcast_to(np.eye(degree + 1), (degree + 1, degree + 1, degree + 1))
+    k = np.arange(degree + 1)
+    for r in range(1, degree + 1):
+        t = np.where(r <= k, b, a)[:, None, None]
+        level = (1.0 - t) * level[:, :-1] + t * level[:, 1:]
+    return np.asarray(level[:, 0])
+
+
+def restricted(pieces: FloatArray, a: float, b: float) -> FloatArray:
+    """Bézier coefficients (degree + 1, d) of one piece on its local interval [a, b]."""
+    return pieces if a == 0.0 and b == 1.0 else restriction(len(pieces) - 1, a, b) @ pieces
 
 
 def knots_between(knots: FloatArray, period: float | None, a: float, b: float) -> FloatArray:

@@ -10,8 +10,8 @@ import heapq
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .arcs import Arc, NetArc
-from .cells import Cell, quality, samples_of
+from .arcs import Arc, EdgeArc, NetArc
+from .cells import THIN, Cell, quality, samples_of
 from .compare import BoolArray
 from .mesh import Loop, Mesh
 from .together import rows_of
@@ -20,9 +20,8 @@ from .triangulate import inner_edges, overlapping
 #: By identity of an arc: the shares of its length where it should be cut, none for its middle.
 Wanted = dict[int, list[float]]
 
-#: Qualities: of a pair that is preferred to its triangles, and of a cell that is thin.
+#: Quality of a pair that is preferred to its triangles.
 PAIRED = 0.1
-THIN = 0.02
 #: Feet of corners nearer to the end of a side than this share of it are no place to cut it.
 NEAR_END = 0.02
 #: The direction in which triangles are matched.
@@ -76,7 +75,8 @@ def _wanted(bad: list[tuple[Arc, ...]], loops: list[Loop]) -> Wanted:
     wanted: Wanted = {}
     if not bad:
         return wanted
-    lines = [a for loop in loops for a in loop if isinstance(a, NetArc) and a.straight]
+    every = (a for loop in loops for a in loop)
+    lines = [a for a in every if isinstance(a, NetArc | EdgeArc) and a.straight]
     p = np.array([a.start for a in lines]).reshape(-1, 2)
     end = np.array([a.end for a in lines]).reshape(-1, 2)
     corners = [np.array([a.start for a in cell]) for cell in bad]

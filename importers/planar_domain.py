@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from patchlight.solver.errors import GeometryError
@@ -18,14 +19,21 @@ from .extract import EdgeUse, RawFace
 from .surfaces import Plane
 
 
+@cache
+def _contour_rule() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weights (20,), values and slopes (20, 4) of cubics at the places of the rule for a side."""
+    x, w = gauss_rule(10)
+    x, w = np.concatenate([0.5 * x, 0.5 + 0.5 * x]), np.concatenate([0.5 * w, 0.5 * w])
+    return w, bernstein(x), bernstein_derivative(x)
+
+
 def enclosed_area(domain: Domain) -> float:
     """Area inside the loops of a planar face, ½ ∮ (x dy − y dx) over their rational cubics."""
     arcs = [a for r in domain.regions for loop in r for a in loop]
     flat = np.array([a.flat for a in arcs if isinstance(a, NetArc)])
     flat[..., :2] -= flat[:1, :1, :2] / flat[:1, :1, 2:] * flat[..., 2:]
-    x, w = gauss_rule(10)
-    x, w = np.concatenate([0.5 * x, 0.5 + 0.5 * x]), np.concatenate([0.5 * w, 0.5 * w])
-    h, slope = bernstein(x) @ flat, bernstein_derivative(x) @ flat
+    w, basis, derivative = _contour_rule()
+    h, slope = basis @ flat, derivative @ flat
     p = h[..., :2] / h[..., 2:]
     d = (slope[..., :2] - slope[..., 2:] * p) / h[..., 2:]
     return 0.5 * float((p[..., 0] * d[..., 1] - p[..., 1] * d[..., 0]).sum(axis=0) @ w)
@@ -41,9 +49,10 @@ def planar_domain(face: RawFace, surface: Plane) -> Domain:
     lift[0, :3], lift[1, :3], lift[2, :3], lift[2, 3] = x, y, o, 1.0
     loops: list[Loop] = []
     exact, gap = True, 0.0
-    along = _main_direction(face, to_flat)
+    holes = len(face.loops) > 1
+    along = _main_direction(face, to_flat) if holes else 0.0
     for uses in face.loops:
-        loop: Loop = _whole_circle(uses, to_flat, along) if len(face.loops) > 1 else []
+        loop: Loop = _whole_circle(uses, to_flat, along) if holes else []
         if loop:
             loops.append(loop)
             continue
@@ -54,14 +63,13 @@ def planar_domain(face: RawFace, surface: Plane) -> Domain:
                 net = forward[::-1] if use.reversed else forward
                 loop.append(NetArc(net, net @ to_flat, use.edge.index, straight, is_exact))
                 if not straight and _is_line(loop[-1].samples):
-                    ends = loop[-1].samples
-                    loop[-1] = flat_chord(ends[0], ends[-1], lift)
+                    loop[-1] = flat_chord(loop[-1].start, loop[-1].end, lift)
                     loop[-1].edge = use.edge.index
                 else:
                     exact &= is_exact
         if loop:
             loops.append(loop)
-    box = np.concatenate([a.samples for loop in loops for a in loop]) if loops else np.zeros((1, 2))
+    box = np.concatenate([a.outline for loop in loops for a in loop]) if loops else np.zeros((1, 2))
     size = float(np.ptp(box, axis=0).max())
     cleaned = []
     for loop in loops:
@@ -124,7 +132,8 @@ def _whole_circle(uses: list[EdgeUse], to_flat: FloatArray, along: float) -> Loo
     backwards = uses[0].reversed
     for k in range(4):
         a = phase + 0.5 * math.pi * k
-        net = nurbs.elevation(2) @ first.quadratic(a, a + 0.5 * math.pi)
+        (quarter,) = first.quadratics(np.array([a, a + 0.5 * math.pi]))
+        net = nurbs.elevation(2) @ quarter
         if backwards:
             net = net[::-1]
         edge = _edge_on_circle(uses, first.evaluate(np.array([a + 0.25 * math.pi]))[0])
@@ -159,7 +168,7 @@ def _is_line(points: FloatArray) -> bool:
 def _closed_planar(loop: Loop, size: float, lift: FloatArray) -> tuple[Loop, float]:
     """Loop without zero arcs, its joints closed and straight joints merged."""
     weld = 1e-7 * size
-    loop = [a for a in loop if np.ptp(a.samples, axis=0).max() > weld]
+    loop = [a for a in loop if a.extent > weld]
     if not loop:
         return [], 0.0
     gap = 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from patchlight.solver.errors import GeometryError
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
-from .arcs import Arc, NetArc
+from .arcs import Arc, EdgeArc, NetArc, corner_turns
 from .cells import Cell, quality, samples_of
 from .mesh import ChordMaker, Loop, Mesh
 from .pairing import PAIRED, THIN, Wanted, best_triangle, paired
@@ -33,18 +33,11 @@ GROWTH = 4
 ROUNDS = 2
 #: What a round costs in which little is new, against one from the start.
 KEPT_COST = 0.4
+#: Rounds without any triangles after which halving is given up where there were some before: the
+#: boundary crosses itself by now, and each round has twice as many arcs.
+IN_VAIN = 2
 #: Halvings of a boundary where it comes near to itself: a 4000th of an arc.
 MOST_ROUNDS = 12
-
-
-def corner_turns(loop: Loop) -> FloatArray:
-    """Exterior angle at the start of each arc [rad], positive at convex corners."""
-    d = [a.directions for a in loop]
-    out = []
-    for k in range(len(loop)):
-        e, s = d[k - 1][1], d[k][0]
-        out.append(math.atan2(e[0] * s[1] - e[1] * s[0], float(e @ s)))
-    return np.array(out)
 
 
 def cells_of(
@@ -135,7 +128,7 @@ def _cut(loops: list[Loop], wanted: Wanted) -> list[Loop]:
         new: Loop = []
         for arc in loop:
             at = wanted.get(id(arc))
-            if at and isinstance(arc, NetArc):
+            if at and isinstance(arc, NetArc | EdgeArc):
                 cuts = _apart(at)
                 new.extend(arc.cut(cuts) if cuts else arc.halves())
             else:
@@ -246,6 +239,7 @@ def _general(
     for sectors in tries:
         current: list[Loop] = loops
         mesh = Mesh(chord)
+        vain = 0
         folds: dict[int, bool] = {}
         for round_ in range(MOST_ROUNDS):
             for _ in range(6):
@@ -282,6 +276,9 @@ def _general(
                 return extra + cells
             if cells is not None and (fallback is None or len(worst) < fewest):
                 fallback, fewest = extra + cells, len(worst)
+            vain = vain + 1 if cells is None else 0
+            if vain == IN_VAIN and fallback is not None:
+                break
             if cells is None:
                 every = [a for loop in current for a in loop]
                 worst = {id(a): [] for a in [a for a in every if not a.straight] or every}

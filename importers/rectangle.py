@@ -10,12 +10,13 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from . import nurbs
-from .arcs import Arc, Chord, EdgeArc, arc_weights, joined
+from .arcs import Arc, Chord, EdgeArc, arc_weights
 from .cells import Cell
 from .chains import QUARTER, Conic, split_by_turning
 from .curves import BSpline, Curve
-from .domain import Domain
+from .domain import Domain, outline
 from .exact_nets import spline_nets
+from .joined_arcs import joined
 from .surfaces import Extrusion, Offset, Revolution, SplineSurface, Surface
 from .triangulate import signed_area
 
@@ -67,12 +68,12 @@ def rectangle(domain: Domain, margin: float, *, lost: float = 1.0) -> Rectangle 
     if len(domain.regions) != 1 or len(domain.regions[0]) != 1:
         return None
     arcs = domain.regions[0][0]
-    every = np.concatenate([a.samples for a in arcs])
+    every = np.concatenate([a.outline for a in arcs])
     low, high = every.min(axis=0), every.max(axis=0)
     sides: tuple[list[Arc], ...] = ([], [], [], [])
     length = np.zeros(4)
     for arc in arcs:
-        p = arc.samples
+        p = arc.outline
         distance = (p[:, 1] - low[1], high[0] - p[:, 0], high[1] - p[:, 1], p[:, 0] - low[0])
         k = int(np.argmin([d.max() for d in distance]))
         if distance[k].max() > margin:
@@ -84,7 +85,7 @@ def rectangle(domain: Domain, margin: float, *, lost: float = 1.0) -> Rectangle 
     if np.abs(length - extent[[0, 1, 0, 1]]).max() > 4.0 * margin + 1e-9 * extent.max():
         return None
     if lost < 1.0:
-        inside = abs(signed_area(np.concatenate([a.samples[:-1] for a in arcs])))
+        inside = abs(signed_area(outline(arcs)))
         if abs(inside - extent[0] * extent[1]) > lost * inside:
             return None
     u0, v0 = low / domain.scale

@@ -14,26 +14,24 @@ from collections import defaultdict
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
-from patchlight.solver.model.bezier import bernstein, split_matrix
+from patchlight.solver.model.bezier import bernstein
 
 from .arcs import Arc, EdgeArc
+from .boxes import Boxes
 from .cells import Cell
 from .compare import TINY, BoolArray
-from .curves import BSpline
 from .cuts import Cuts, Way
+from .joined_arcs import BentArc
+from .side_curves import NOWHERE, Curves, Parted, shares
 from .surfaces import knot_lines
-from .together import CurveBatch, SurfaceBatch, rows_of
+from .together import SurfaceBatch
 
 #: Where the distance between a side and its edge in space is measured.
 GAP_AT = np.linspace(0.0, 1.0, 9)
-#: Share of a box that is not worth a patch of its own.
-SLIVER = 1e-4
 #: Corners of a face are one within this share of its extent in u and v.
 SAME_CORNER = 1e-8
 THIRDS = np.arange(4) / 3.0
 ONCE = np.array([1])
-#: What follows the start of a line of no length: step, half angle and the fraction s / 1.
-NOWHERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
 
 
 class Sides:
@@ -63,7 +61,9 @@ class Sides:
         self.nets = np.zeros((n, 4, 4, 4))
         self.on_edge = np.zeros((n, 4), dtype=bool)
         self.collapsed = np.zeros((n, 4), dtype=bool)
-        self.names = np.array([c.edges for c in cells])
+        self._names = np.array([c.edges for c in cells])
+        #: Those of the second pieces of sides of two, and where these begin.
+        self._later, self._share = self._names.copy(), np.full((n, 4), 0.5)
         self.parts: dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] = {}
         straight: list[tuple[float, ...]] = []
         curved: list[Arc] = []
@@ -89,6 +89,9 @@ class Sides:
                     straight.append((*_corner(row, k).tolist(), *NOWHERE))
                     continue
                 side_weights[c, k] = arc.weights
+                if isinstance(arc, BentArc):
+                    self._names[c, k], self._later[c, k] = arc.edge, arc.second.edge
+                    self._share[c, k] = arc.share
                 if arc.net is not None:
                     self.nets[c, k], self.on_edge[c, k] = arc.net, True
                 elif isinstance(arc, EdgeArc):
@@ -103,13 +106,19 @@ class Sides:
                 straight.append(line)
         #: Start, step, half angle and linear fraction of straight sides.
         self._straight = np.array(straight).reshape(n, 4, 9)
-        self._curves = _Curves(curved)
-        self._in_parts = [
-            np.array(sorted(c for c, side in self.parts if side == k), dtype=np.int64)
+        self._curves = Curves(curved)
+        self._parted = [
+            Parted({c: parts for (c, side), parts in self.parts.items() if side == k})
             for k in range(4)
         ]
         self.weights = _blended(side_weights)
         self.cuts = Cuts(self._own_cuts(), face, self.arcs)
+
+    def edges(self, boxes: Boxes) -> IntArray:
+        """B-rep edge (n, 4) of each side of boxes, −1 for none."""
+        late = boxes.box[:, [0, 2, 0, 2]] >= self._share[boxes.cell]
+        names = np.where(late, self._later[boxes.cell], self._names[boxes.cell])
+        return np.where(boxes.on_border(), names, -1)
 
     def _own_cuts(self) -> dict[Way, list[FloatArray]]:
         """Joints of the cubics along the sides of each cell, and knots inside those cells that
@@ -139,7 +148,7 @@ class Sides:
     def at(self, cell: IntArray, k: int, s: FloatArray) -> FloatArray:
         """(u, v) (m, a, 2) of side ``k`` of each ``cell`` (m,) at ``s`` (m, a)."""
         p, step, half, m = np.split(self._straight[cell, k, :, None], (2, 4, 5), axis=1)
-        f = _shares(half[:, 0], m[:, :, 0], s)
+        f = shares(half[:, 0], m[:, :, 0], s)
         out = np.asarray((p + f[:, None] * step).swapaxes(1, 2))
         curve = self._curve[cell, k]
         some = np.flatnonzero(curve >= 0)
@@ -163,10 +172,9 @@ class Sides:
         """Points (m, a, 3) of side ``k`` of cells (m,) on edges at ``s`` (m, a)."""
         h = bernstein(s) @ self.nets[cell, k]
         out = h[..., :3] / np.where(h[..., 3:] > 0.0, h[..., 3:], 1.0)
-        for i, rows in rows_of(cell, self._in_parts[k]):
-            arc = self.arcs[int(self._in_parts[k][i])][k]
-            assert isinstance(arc, EdgeArc)
-            out[rows] = arc.space(s[rows].ravel()).reshape(len(rows), -1, 3)
+        own, rows = self._parted[k].rows(cell)
+        if len(rows):
+            out[rows] = self._parted[k].points(own, s[rows])
         return np.asarray(out)
 
     def measure_gaps(self, limit: FloatArray, lean: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -175,7 +183,7 @@ class Sides:
         Sides further than the ``limit`` (n,) from their edge are left where they are. ``lean`` (n,)
         is the angle [rad] that normals may lean over where a cell moves.
         """
-        every = np.arange(len(self.names))
+        every = np.arange(len(self._names))
         at = np.broadcast_to(GAP_AT, (len(every), len(GAP_AT)))
         shift = np.zeros((len(every), 4, len(GAP_AT), 3))
         for k in range(4):
@@ -233,11 +241,13 @@ class Sides:
         ends = np.broadcast_to(np.array([0.0, 1.0]), (len(cell), 2))
         sides = []
         for k, x in enumerate((np.append(s, ends, axis=1), t, np.append(s, ends, axis=1), t)):
-            edge = self.space(k, cell, x) - self.on_surface(k, cell, x)
             first, last = ((0, 1), (1, 2), (3, 2), (0, 3))[k]
             p, q = self.corners[cell, first, None], self.corners[cell, last, None]
             line = p + x[..., None] * (q - p)
-            sides.append(np.where(self.on_edge[cell, k, None, None], edge, line))
+            some = np.flatnonzero(self.on_edge[cell, k])
+            own, at = cell[some], x[some]
+            line[some] = self.space(k, own, at) - self.on_surface(k, own, at)
+            sides.append(line)
         power = self._powers[cell]
         return boolean_sum(sides[0], sides[1], sides[2], sides[3], s, t, power)
 
@@ -251,69 +261,10 @@ class Sides:
         """
         out = matrices @ self.nets[cell, k]
         several = np.zeros(len(cell), dtype=bool)
-        for i, some in rows_of(cell, self._in_parts[k]):
-            starts, ends, nets = self.parts[int(self._in_parts[k][i]), k]
-            low, high = a[some], b[some]
-            part = np.clip(np.searchsorted(starts, low, side="right") - 1, 0, len(starts) - 1)
-            # A joint of parts very near to the end of a box would cut off a sliver.
-            near = SLIVER * (high - low)
-            part = np.where((ends[part] - low <= near) & (part < len(starts) - 1), part + 1, part)
-            length = ends[part] - starts[part]
-            inner = split_matrix((low - starts[part]) / length, (high - starts[part]) / length)
-            out[some] = inner @ nets[part]
-            several[some] = high - ends[part] > near
+        own, rows = self._parted[k].rows(cell)
+        if len(rows):
+            out[rows], several[rows] = self._parted[k].restricted(own, a[rows], b[rows])
         return out, several
-
-
-def _shares(half: FloatArray, m: FloatArray, s: FloatArray) -> FloatArray:
-    """`arcs.fraction` of half angles (n, 1) at the linear fractions ``m`` (n, 4) of s (n, a)."""
-    if (m != NOWHERE[3:]).any():
-        s = (m[:, :1] * s + m[:, 1:2]) / (m[:, 2:3] * s + m[:, 3:])
-    if half.any():
-        round_ = half > 1e-9
-        h = np.where(round_, half, 1.0)
-        s = np.where(round_, 0.5 + np.arctan((2.0 * s - 1.0) * np.tan(0.5 * h)) / h, s)
-    return s
-
-
-class _Curves:
-    """Curved arcs numbered as given; splines of one degree are evaluated in one go."""
-
-    def __init__(self, arcs: list[Arc]) -> None:
-        self._arcs = arcs
-        n = len(arcs)
-        self._course, self._shift = np.zeros((n, 7)), np.zeros((n, 2))
-        #: Degree of splines, else 0, and the place among those.
-        self._degree, self._place = np.zeros((2, n), dtype=np.int64)
-        splines: dict[int, list[BSpline]] = {}
-        for i, arc in enumerate(arcs):
-            course = arc.course() if isinstance(arc, EdgeArc) else None
-            if course is None or not isinstance(arc.side.curve, BSpline):  # type: ignore[attr-defined]
-                continue
-            curve = arc.side.curve  # type: ignore[attr-defined]
-            own = splines.setdefault(curve.degree, [])
-            self._degree[i], self._place[i] = curve.degree, len(own)
-            self._course[i], self._shift[i] = course, arc.side.shift  # type: ignore[attr-defined]
-            own.append(curve)
-        self._splines = {degree: CurveBatch(own) for degree, own in splines.items()}
-
-    def at(self, which: IntArray, s: FloatArray) -> FloatArray:
-        """(u, v) (m, a, 2) of the arcs ``which`` (m,) at ``s`` (m, a)."""
-        out = np.empty((*s.shape, 2))
-        degree = self._degree[which]
-        for d in np.unique(degree).tolist():
-            rows = np.flatnonzero(degree == d)
-            own = which[rows]
-            if d == 0:
-                for k, some in rows_of(own, np.unique(own)):
-                    arc = self._arcs[int(np.unique(own)[k])]
-                    there = rows[some]
-                    out[there] = arc.at(s[there].ravel()).reshape(len(there), -1, 2)
-                continue
-            c = self._course[own]
-            t = c[:, :1] + c[:, 1:2] * _shares(c[:, 2:3], c[:, 3:], s[rows])
-            out[rows] = self._splines[d].evaluate(self._place[own], t) + self._shift[own][:, None]
-        return out
 
 
 def boolean_sum(

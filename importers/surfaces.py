@@ -40,6 +40,11 @@ class Surface:
         """Points only (..., 3)."""
         return self.evaluate(u, v)[0]
 
+    def speeds(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """|P_u| and |P_v| (...,)."""
+        _, pu, pv = self.evaluate(u, v)
+        return np.linalg.norm(pu, axis=-1), np.linalg.norm(pv, axis=-1)
+
     def jacobian_variable(self) -> str:
         """Which parameters |P_u × P_v| depends on: "", "u", "v" or "uv"."""
         return "uv"
@@ -100,6 +105,11 @@ class Round(Surface):
         radial, around = c * x + s * y, c * y - s * x
         turned = (along - sv)[..., None] * radial + (up + cv)[..., None] * z
         return o + rho * radial + zeta * z, rho * around, turned
+
+    def speeds(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        r, along, up, m = self.meridian
+        c, s = m * np.cos(v), m * np.sin(v)
+        return np.abs(r + along * v + c), np.hypot(along - s, up + c)
 
     def jacobian_variable(self) -> str:
         return "" if self.kind == "cylinder" else "v"

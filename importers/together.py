@@ -8,7 +8,7 @@ import numpy as np
 from patchlight.solver.model.arrays import FloatArray, IntArray
 
 from . import nurbs
-from .curves import BSpline
+from .curves import BSpline, Conic, Curve, Line, conic_functions
 from .surfaces import Points, Round, SplineSurface, Surface
 
 #: A parameter this share outside the knots of a periodic spline is still at its end.
@@ -73,6 +73,30 @@ class CurveBatch:
         nets = self._pieces[self._base[k] + i]
         h = (nurbs.bernstein_basis(nets.shape[1] - 1, s)[:, None] @ nets)[:, 0]
         return np.asarray((h[:, :-1] / h[:, -1:]).reshape(*t.shape, -1))
+
+
+def points_of(curves: Sequence[Curve], t: FloatArray, d: int) -> FloatArray:
+    """Points (m, k, d) of curves (m,) at ``t`` (m, k): those of one sort in one go."""
+    out = np.empty((*t.shape, d))
+    sorts: dict[tuple[type, str], list[int]] = {}
+    for i, curve in enumerate(curves):
+        name = str(getattr(curve, "kind", getattr(curve, "degree", "")))
+        sorts.setdefault((type(curve), name), []).append(i)
+    for (sort, name), rows in sorts.items():
+        own: list = [curves[i] for i in rows]
+        if sort is Line:
+            line = np.array([(c.origin, c.direction) for c in own])
+            out[rows] = line[:, :1] + t[rows][..., None] * line[:, 1:]
+        elif sort is Conic:
+            frame = np.array([(c.center, c.x, c.y) for c in own])
+            f, g = conic_functions(name, t[rows][..., None])
+            out[rows] = frame[:, :1] + f * frame[:, 1:2] + g * frame[:, 2:]
+        elif sort is BSpline:
+            out[rows] = CurveBatch(own).evaluate(np.arange(len(rows)), t[rows])
+        else:
+            for i, curve in zip(rows, own, strict=True):
+                out[i] = curve.evaluate(t[i])
+    return out
 
 
 class _Splines:

@@ -195,5 +195,8 @@ def areas(nets: FloatArray, *, order: int = 6, pieces: int = 2) -> FloatArray:
     weights = np.outer(weight, weight).ravel()
     total = np.empty(len(nets))
     for some, (_, su, sv) in _in_blocks(nets, _fixed_basis(u.tobytes(), v.tobytes())):
-        total[some] = np.linalg.norm(np.cross(su, sv), axis=-1) @ weights
+        (ax, ay, az), (bx, by, bz) = np.moveaxis(su, -1, 0), np.moveaxis(sv, -1, 0)
+        # Components one by one: several times faster than NumPy's product of many small vectors.
+        x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        total[some] = np.sqrt(x * x + y * y + z * z) @ weights
     return total
