@@ -1,5 +1,7 @@
 """Light of elements that are hidden in part: bright ends may be the hidden ones."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from patchlight.solver import store
@@ -79,3 +81,69 @@ def test_what_points_see_is_kept():
     alone, _ = run(0.6, cache=False)
     np.testing.assert_allclose(painted, alone, rtol=2e-3)  # the mesh is that of the first run
     store.forget()
+
+
+def furnished(table_at):
+    """A room with a lamp below its ceiling and a table; asked over and beside it."""
+    room = Body(PatchSet.box((4, 3, 2.8), center=(2, 1.5, 1.4), inward=True))
+    lamp = Body(PatchSet.box((1.2, 0.2, 0.1), center=(2, 1.5, 2.45)))
+    table = Body(PatchSet.box((1.2, 0.8, 0.04), center=(table_at, 1.5, 0.7)))
+    at = [(x, y, z) for x in (0.5, 1.5, 3.5) for y in (0.5, 1.5) for z in (0.3, 1.1)]
+    return scene(
+        setup(room, lamp, table), rho=0.7, lamps=[(1, "lamp", 900.0)], sensors=[grid("plane", at)]
+    )
+
+
+def test_a_table_that_moves():
+    """Of rows that are found anew rays are asked again; the light is that of a run of its own."""
+
+    def run(at, cache=True):
+        result = solve(furnished(at), accuracy=0.1, cache=cache)
+        found = result.sensors["plane"]
+        return found.illuminance_lx, found.error_lx, result.counters["pairs_sighted"]
+
+    store.forget()
+    for at in (1.2, 2.6, 1.2):  # there, and back again
+        moved, stated, _ = run(at)
+        alone, own, _ = run(at, cache=False)
+        assert (np.abs(moved - alone) <= stated + own).all()
+    store.forget()
+
+
+def test_glass_hides_nothing():
+    """Of an element seen through glass that dims to a half nothing else is sent than half of it."""
+    panel = ceiling(-1.0, 1.0, -1.0, 1.0, 2.0)
+    all_ = setup(panel)
+    points = np.array([[0.2, 0.1, 0.0]])
+    elements = make_elements(all_.patches, np.zeros(1, bool), np.ones((1, 2), np.int64), nodes=2)
+    unknowns = Unknowns.of(elements, "bilinear")
+    found = rows(all_, points, UP[None], trace=True)
+    dimmed = dataclasses.replace(found, factors=0.5 * found.factors)
+    light = (3.0 + 2.0 * unknowns.receivers.nodes[:, 0, :1]).copy()
+    receivers = Receivers.of_points(points, UP[None], np.ones(1), np.array([-1]))
+    sources = make_sources(elements, all_.patches.control_points, np.full(1, 1e-5))
+    out = unknowns.gather(dimmed, receivers, sources, 1e-3, light)
+    before = out.copy()
+    half = HalfHidden(scene(all_), Kept(scene(all_), stages=Stages()))
+    half.add(out, unknowns, dimmed, receivers, sources, 1e-3, light)
+    np.testing.assert_array_equal(out, before)
+
+
+def test_light_is_not_sent_below_zero():
+    """Where only the dark edge is seen, to which the light at the nodes would be extrapolated."""
+    panel, height = ceiling(-1.0, 1.0, -1.0, 1.0, 2.0), 1.0
+    screen = ceiling(-0.4, 9.0, -9.0, 9.0, height)
+    all_ = setup(panel, screen)
+    points = np.array([[0.0, 0.1, 0.0]])
+    elements = make_elements(all_.patches, np.zeros(2, bool), np.ones((2, 2), np.int64), nodes=2)
+    unknowns = Unknowns.of(elements, "bilinear")
+    found = rows(all_, points, UP[None], trace=True)
+    bright = unknowns.receivers.nodes[:, 0, 0] > 0.0
+    light = np.where((unknowns.element == 0) & bright, 1.0, 0.0)[:, None]
+    receivers = Receivers.of_points(points, UP[None], np.ones(1), np.array([-1]))
+    sources = make_sources(elements, all_.patches.control_points, np.full(2, 1e-5))
+    out = unknowns.gather(found, receivers, sources, 1e-3, light)
+    before = float(out[0, 0])
+    half = HalfHidden(scene(all_), Kept(scene(all_), stages=Stages()))
+    half.add(out, unknowns, found, receivers, sources, 1e-3, light)
+    assert -1e-12 <= out[0, 0] < 1e-6 * before
