@@ -159,9 +159,9 @@ def test_5_4_flux_through_an_opening(kind):
     scene = scene_of((hall(), "room", BLACK))
     scene.sky = CIESky(kind, diffuse_illuminance_lx=1e4, sun_altitude_deg=60, sun_azimuth_deg=180)
     scene.ground = Ground(0.2)
-    result = simulate(scene, accuracy=0.01)
+    result = simulate(scene, accuracy=0.005)
     # Elements find their light from four nodes each: what that leaves falls with the accuracy.
-    assert received(result) == pytest.approx(1e4, rel=2e-4)
+    assert received(result) == pytest.approx(1e4, rel=1e-4)
 
 
 HEIGHTS = np.array([0.25, 0.75, 1.25, 1.75, 2.25, 2.75])
