@@ -25,7 +25,7 @@ from .walls import walls_under
 #: of moments, and at most.
 LITTLE, LITTLE_AT_MOST = 5.0, 0.05
 #: Pairs that are kept for later runs: so many, or as large a share of all that there are. They take
-#: 8 bytes each, form factors 4.
+#: 12 bytes each, form factors 4.
 KEPT, KEPT_SHARE = 2_000_000, 0.1
 #: Share of the error of moments, of all light that a receiver gets, below which it does not matter
 #: where an element is hidden.
@@ -126,7 +126,7 @@ def _empty(count: NDArray[np.int64]) -> Sights:
     """Room for ``count`` (m,) pairs of each receiver."""
     k = int(count.sum())
     start = np.concatenate([[0], np.cumsum(count)])
-    return Sights(start, np.empty(k, dtype=np.int32), np.empty(k, dtype=np.int32))
+    return Sights(start, np.empty(k, dtype=np.int32), np.empty(k, dtype=np.int64))
 
 
 def _part(known: Sights | None, some: slice) -> Sights:

@@ -20,9 +20,9 @@ from .spread import exchange
 FAR = 1.0
 #: How far the share that is seen may be from what the points say of it: half a row of them.
 HALF_A_ROW = 0.17
-#: Parts that the share which is hidden is told in where no rays were asked for: it stands in the
-#: place of the mask, as a negative number.
-PARTS = 1_000_000
+#: Parts in which the hidden share is told, and bits for the points and for whether rays were
+#: asked for them.
+PARTS, POINTS, ASKED = 1_000_000, 16, 1 << 16
 
 
 class Sights(NamedTuple):
@@ -35,8 +35,8 @@ class Sights(NamedTuple):
     element : (k,) array
         Element of each pair.
     seen : (k,) array
-        Which of its Gauss points are seen, a bit each; below 0 the share that is hidden, see
-        `PARTS`.
+        Share of it that is hidden, in `PARTS`, as by the form factor; then a bit whether rays were
+        asked for; then a bit for each of its Gauss points, set where it is seen.
     """
 
     start: np.ndarray
@@ -205,18 +205,21 @@ def add_half_hidden(
                 k += 1
             else:
                 total = _find_kernel(x, n, j, sources, kernel)
-                seen -= 1 + int(PARTS * min(max(1.0 - factor / max(total, 1e-300), 0.0), 0.999))
-            some = basis.pieces[j] > 0 and (walls[i] < 0 or sources.wall[j] != walls[i])
-            if seen < 0:
-                # What is hidden of it, or seen, is all that can be bright or dark.
-                hidden = (-1 - seen) / PARTS
-                some = some and hidden > little
-                some = some and factor * hidden / (1.0 - hidden) * off[c] > least[i]
-            if some:
+                share = min(max(1.0 - factor / max(total, 1e-300), 0.0), 0.999)
+                seen += int(PARTS * share) << (POINTS + 1)
+            # What is hidden of it, or seen, is all that can be bright or dark.
+            hidden = (seen >> (POINTS + 1)) / PARTS
+            if (
+                hidden > little
+                and factor * hidden / (1.0 - hidden) * off[c] > least[i]
+                and basis.pieces[j] > 0
+                and (walls[i] < 0 or sources.wall[j] != walls[i])
+            ):
                 if total == 0.0:
                     total = _find_kernel(x, n, j, sources, kernel)
-                if seen < 0:
-                    seen = _seen(x, n, j, sources, kernel, tree, lift, reached, stack, work)
+                if not seen & ASKED:
+                    seen |= ASKED
+                    seen |= _seen(x, n, j, sources, kernel, tree, lift, reached, stack, work)
                     counters[i, 1] += 1
                 counters[i, 0] += 1
                 away = (sources.spheres[j, 0] - x[0]) ** 2 + (sources.spheres[j, 1] - x[1]) ** 2
