@@ -72,6 +72,8 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
 
     # Sensors are those of the scene with all its parts, whatever its state.
     sensors, grid_notes = ((), ()) if states else resolved_sensors(scene, data, problems)
+    if any(grid.spectral for grid in sensors):
+        _check_bands(data.luminaires, problems)
     problems.raise_any()
     data = dataclasses.replace(
         data,
@@ -265,6 +267,18 @@ def _luminaire(
         spectrum=None if emitter.spectrum is None else tuple(emitter.spectrum),
         web=web,
     )
+
+
+def _check_bands(lamps: tuple[Luminaire, ...], problems: Problems) -> None:
+    """A problem for each luminaire whose spectrum the bands of spectral sensors have nothing of."""
+    from patchlight.solver.spectra import spectrum_bands
+
+    for lamp in lamps:
+        if lamp.spectrum is not None:
+            try:
+                spectrum_bands(lamp.spectrum)
+            except InputError as error:
+                problems.add([f"emitter of {lamp.part}: {error}"])
 
 
 def _ground(scene: Scene) -> Ground | None:
