@@ -123,8 +123,10 @@ def _turbidity(sky: Sky) -> float:
 
 def _preetham(sky: Sky, d: FloatArray, turbidity: float) -> FloatArray:
     """The chromaticities of the clear sky. [2]"""
-    if sky.sun_altitude_deg is None:
-        raise InputError("color model 'preetham': the sky has no sun; give sun_altitude_deg")
+    if sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None:
+        raise InputError(
+            "color model 'preetham': the sky has no sun; give sun_altitude_deg and sun_azimuth_deg"
+        )
     sun = np.array(sun_direction(sky))
     d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     z = np.maximum(d[..., 2], _LOW)
