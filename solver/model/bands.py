@@ -123,7 +123,8 @@ def primary_reflectance(reflectance: FloatArray, most: ArrayLike = 1.0) -> Float
     light, weights = luminous_shares(D65), np.array(LUMINANCE_WEIGHTS)
     seen = tristimulus(reflectance * light) @ TO_RGB.T / (tristimulus(light) @ TO_RGB.T)
     level = np.asarray(seen @ weights)[..., None]
-    free, most = np.maximum(seen, 0.0), np.broadcast_to(most, seen.shape)
+    # More than nothing, so that it can be scaled where all others are full.
+    free, most = np.maximum(seen, 1e-9), np.broadcast_to(most, seen.shape)
     out, full = free, np.zeros(seen.shape, dtype=bool)
     for _ in range(3):  # each time one more primary may be full
         rest = level - np.where(full, weights * most, 0.0).sum(axis=-1, keepdims=True)

@@ -396,6 +396,22 @@ def test_lamps_of_different_spectrum_have_rows_of_their_own():
     assert sorted(row["count"] for row in rows) == ["1", "2"]
 
 
+def test_steep_spectra_reflect_in_three_bands_about_what_they_do_in_twenty():
+    """In a closed room, where a primary near 1 would make three times too much light."""
+
+    def mean(spectral):
+        scene = Scene()
+        scene.add(PatchSet.box((4, 4, 3), inward=True), "room")
+        scene.assign("room", Material([(400, 0.05), (559, 0.05), (561, 0.7), (700, 0.7)]))
+        scene.add(PatchSet.disk((0, 0, 1.4), 0.3, (0, 0, -1)), "lamp")
+        scene.assign("lamp", Emitter(2000, cct_k=2700))
+        scene.add(grid([(1, 0, -0.7), (-1, 1, -0.7)], spectral=spectral))
+        return solved(scene).sensors["g"].illuminance_lx.mean()
+
+    # What three bands are as a model of interreflection: see section 11 of the theory.
+    assert mean(False) == pytest.approx(mean(True), rel=0.1)
+
+
 def test_colour_models_without_effect_are_named():
     scene = lit_room(False)
     scene.sky = CIESky(12, **CLEAR, color="chain")

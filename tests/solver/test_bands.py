@@ -183,7 +183,8 @@ def test_primaries_of_saturated_surfaces_keep_their_luminance(edge, rising):
     low, high = (0.03, 0.9) if rising else (0.9, 0.03)
     steep = Material([(400, low), (edge - 1, low), (edge + 1, high), (700, high)])
     rgb, told = steep.bands, steep.scattered_in(20) @ b.luminous_shares(b.D65)
-    assert (rgb >= 0.0).all() and (rgb <= 1.0).all()
+    # More than any wavelength has would not be absorbed between walls.
+    assert (rgb >= 0.0).all() and (rgb <= 0.9).all()
     assert steep.luminous_reflectance == pytest.approx(told, rel=1e-3)
 
 
@@ -208,7 +209,7 @@ def test_shares_of_one_surface_are_added_by_wavelength():
     for mirror in (0.1, [(400, 0.05), (700, 0.1)]):
         material = Material(steep, mirror=mirror)
         whole = material.scattered_bands + material.mirror_bands
-        assert whole.max() == pytest.approx(1.0, abs=1e-12) and (whole <= 1.0 + 1e-12).all()
+        assert (whole <= 1.0 + 1e-12).all() and material.bands[0] == pytest.approx(0.9)
         level = material.scattered_in(20) @ b.luminous_shares(b.D65)
         assert material.luminous_reflectance == pytest.approx(level, rel=1e-3)
         assert material.luminous_mirror > 0.05
