@@ -67,6 +67,7 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
         raise InputError("the scene cannot be used")  # there always is a problem; for type checkers
     data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data, problems))
     doubts_of_lamps = web_doubts(data, slots, problems)
+    from .color_remarks import color_warnings
     from .grids import resolved_sensors
     from .remarks import model_warnings, scene_notes
 
@@ -85,7 +86,7 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
     return dataclasses.replace(
         data,
         notes=(*scene.notes, *data.notes, *grid_notes, *scene_notes(scene, data)),
-        warnings=(*model_warnings(scene), *doubts_of_lamps),
+        warnings=(*model_warnings(scene), *doubts_of_lamps, *color_warnings(data)),
     )
 
 

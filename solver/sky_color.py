@@ -86,9 +86,14 @@ def sky_chromaticity(
     return daylight_locus(np.full(d.shape[:-1], sky.cct_k))
 
 
+def is_overcast(sky: Sky) -> bool:
+    """Whether a sky is of a type that is overcast or uniform, and has one colour by luminance."""
+    return isinstance(sky, CIESky) and sky.type in _OVERCAST
+
+
 def sky_temperature(sky: Sky, directions: FloatArray) -> FloatArray:
     """Colour temperature (...) by luminance, within that of daylight. [1] [K]"""
-    if isinstance(sky, CIESky) and sky.type in _OVERCAST:
+    if is_overcast(sky):
         return np.full(directions.shape[:-1], OVERCAST_K)
     with np.errstate(divide="ignore"):
         mired = -132.1 + 59.77 * np.log10(luminance(sky, directions))

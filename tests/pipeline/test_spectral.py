@@ -412,6 +412,52 @@ def test_steep_spectra_reflect_in_three_bands_about_what_they_do_in_twenty():
     assert mean(False) == pytest.approx(mean(True), rel=0.1)
 
 
+def test_coloured_mirrors_are_named_where_light_is_told_by_wavelength():
+    for spectral, mirror, said in ((True, (0.9, 0.6, 0.3), True), (True, 0.8, False),
+                                   (False, (0.9, 0.6, 0.3), False)):  # fmt: skip
+        scene = lit_room(spectral, sky=None)
+        scene.assign("north", Material(0.05, mirror=mirror, name="copper"))
+        found = [text for text in scene.freeze().warnings if "mirrors of a colour" in text]
+        assert bool(found) == said and all(text.endswith(": copper") for text in found)
+
+
+def test_colour_by_luminance_asks_for_a_level():
+    def warned(spectral=True, type_=12, **level):
+        sky = CIESky(type_, **CLEAR, color="chain", **level)
+        return any("no level" in text for text in lit_room(spectral, sky=sky).freeze().warnings)
+
+    assert warned()
+    assert not warned(diffuse_illuminance_lx=12_000.0) and not warned(estimated=True)
+    assert not warned(type_=16)  # one colour whatever its level
+    assert not warned(spectral=False)  # no colours at all
+
+
+def test_three_bands_are_doubted_where_lamps_light_coloured_rooms():
+    """Against both in a sphere, where what is estimated is exact."""
+
+    def ball(rho, spectral=False, **light):
+        scene = Scene()
+        scene.add(PatchSet.sphere((0, 0, 0), 1.0, inward=True), "ball")
+        scene.assign("ball", Material(rho))
+        scene.assign("ball", Emitter(1000.0, **light))
+        scene.add(grid([(0.1, 0, 0)], spectral=spectral))
+        return scene
+
+    def noted(scene):
+        return [text for text in scene.freeze().notes if "coloured surfaces under lamps" in text]
+
+    red = (0.7, 0.2, 0.1)
+    three, twenty = (
+        solved(ball(red, spectral, cct_k=2700)).sensors["g"].illuminance_lx[0]
+        for spectral in (False, True)
+    )
+    assert three > 1.05 * twenty
+    (note,) = noted(ball(red, cct_k=2700))
+    assert f"roughly {three / twenty - 1.0:.0%} above" in note
+    assert not noted(ball((0.6, 0.55, 0.5), cct_k=2700))  # hardly coloured
+    assert not noted(ball(0.7, cct_k=2700)) and not noted(ball(red, True, cct_k=2700))
+
+
 def test_colour_models_without_effect_are_named():
     scene = lit_room(False)
     scene.sky = CIESky(12, **CLEAR, color="chain")
