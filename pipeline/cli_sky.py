@@ -80,7 +80,7 @@ def sky(
         3 when neither tells it.
     color
         Model of its colour by direction: one for all, by luminance (Chain 1999), or of the clear
-        sky (Preetham 1999).
+        sky (Preetham 1999); with --scene that of the scene when not given.
     output
         Picture to write, a PNG file.
     json_
@@ -119,8 +119,11 @@ def sky(
             shown = _of_irradiance(direct, diffuse, altitude, azimuth)
         else:
             shown = _of_type(type_ or "16", altitude, azimuth, levels)
+    model: str | None = color
+    if scene is not None and color is None and shown.sky.color != "constant":
+        model = shown.sky.color
     haze = turbidity if color == "preetham" else None
-    shown = dataclasses.replace(shown, color=color, turbidity=haze)
+    shown = dataclasses.replace(shown, color=model, turbidity=haze)
     if output is not None:
         from patchlight.reports.files import write_bytes
         from patchlight.reports.sky_figure import sky_png

@@ -67,11 +67,14 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
         raise InputError("the scene cannot be used")  # there always is a problem; for type checkers
     data = dataclasses.replace(data, luminaires=_luminaires(scene, slots, data, problems))
     doubts_of_lamps = web_doubts(data, slots, problems)
+    from .color_remarks import color_warnings
     from .grids import resolved_sensors
     from .remarks import model_warnings, scene_notes
 
     # Sensors are those of the scene with all its parts, whatever its state.
     sensors, grid_notes = ((), ()) if states else resolved_sensors(scene, data, problems)
+    if any(grid.spectral for grid in sensors):
+        _check_bands(data.luminaires, problems)
     problems.raise_any()
     data = dataclasses.replace(
         data,
@@ -83,7 +86,7 @@ def frozen_scene(scene: Scene, states: tuple[str, ...] = ()) -> SceneData:
     return dataclasses.replace(
         data,
         notes=(*scene.notes, *data.notes, *grid_notes, *scene_notes(scene, data)),
-        warnings=(*model_warnings(scene), *doubts_of_lamps),
+        warnings=(*model_warnings(scene), *doubts_of_lamps, *color_warnings(data)),
     )
 
 
@@ -265,6 +268,18 @@ def _luminaire(
         spectrum=None if emitter.spectrum is None else tuple(emitter.spectrum),
         web=web,
     )
+
+
+def _check_bands(lamps: tuple[Luminaire, ...], problems: Problems) -> None:
+    """A problem for each luminaire whose spectrum the bands of spectral sensors have nothing of."""
+    from patchlight.solver.spectra import spectrum_bands
+
+    for lamp in lamps:
+        if lamp.spectrum is not None:
+            try:
+                spectrum_bands(lamp.spectrum)
+            except InputError as error:
+                problems.add([f"emitter of {lamp.part}: {error}"])
 
 
 def _ground(scene: Scene) -> Ground | None:

@@ -42,7 +42,7 @@ class SkyTable(Table):
     """cie: 1 to 15; 16, which is taken when none is given, is the traditional overcast sky; or
     overcast, uniform, clear or intermediate as by Radiance's gensky."""
     sun_altitude_deg: Number | None = None
-    """Taken from [sun] when not given. [deg]"""
+    """Taken from [sun] when not given; patches: for the colour of model preetham alone. [deg]"""
     sun_azimuth_deg: Number | None = None
     diffuse_illuminance_lx: Number | None = None
     """cie, patches: horizontal illuminance of the sky alone; 10 000 lx when no level is given, and
@@ -102,17 +102,26 @@ class SkyTable(Table):
             from patchlight.importers import read_patch_sky
 
             color = values.pop("color", "constant")
+            if color == "preetham" and sun is not None and not own_sun:
+                values |= _place_of(sun)
             patches = read_patch_sky(folder / str(self.file), **values)
             return dataclasses.replace(patches, color=color), ()
         if sun is not None and not own_sun:
-            values["sun_altitude_deg"] = min(90.0, max(0.0, sun.altitude_deg))
-            values["sun_azimuth_deg"] = sun.azimuth_deg
+            values |= _place_of(sun)
         if self.model == "cie":
             return CIESky(**values), ()
         lacking = [key for key in _PEREZ_NEEDS if key not in values]
         if lacking:
             raise InputError(f"model 'perez' needs {', '.join(lacking)}")
         return PerezSky(**values), ()
+
+
+def _place_of(sun: Sun) -> dict[str, float]:
+    """Where the sun of a sky stands that goes with ``sun``: at the horizon if that is below it."""
+    return {
+        "sun_altitude_deg": min(90.0, max(0.0, sun.altitude_deg)),
+        "sun_azimuth_deg": sun.azimuth_deg,
+    }
 
 
 class SunTable(Table):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from patchlight.solver.model import CIESky, PerezSky, SceneData
 
+from .color_remarks import color_notes
+
 if TYPE_CHECKING:
     from .scene import Scene
 
@@ -24,6 +26,7 @@ def scene_notes(scene: Scene, data: SceneData) -> list[str]:
     notes = _default_faces(data)
     notes += _glass(data)
     notes += _light(data)
+    notes += color_notes(data)
     notes += _places(data)
     return notes
 

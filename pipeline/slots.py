@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from patchlight.solver.model import BLACK, Emitter, Glass, Material
-from patchlight.solver.model.bands import LUMINANCE_WEIGHTS
+from patchlight.solver.model.bands import LUMINANCE_WEIGHTS, band_means, primary_reflectance
 from patchlight.solver.model.reflectance import Reflectance
 
 from .assigning import matched_faces, row_offsets
@@ -83,7 +83,7 @@ def filled_slots(scene: Scene) -> Slots:
                 continue  # an emitting face without a material reflects nothing
             front, default[row] = DEFAULT, True
         back = front.back or front
-        material[row] = [table.setdefault(_named(m), len(table)) for m in (front, back)]
+        material[row] = [_row_of(m, table) for m in (front, back)]
     luminaire = np.full((faces, 2), -1)
     for row in np.flatnonzero(lamp_of_face >= 0):
         side = lamps[lamp_of_face[row]][1].side
@@ -103,6 +103,19 @@ def _used(
     return [lamps[k] for k in kept], renumbered
 
 
+def _row_of(material: Material, table: dict[Material, int]) -> int:
+    """Row of a material in ``table``, to which it is added if it is new.
+
+    Others that it would be named alike without having a name are told apart by a number.
+    """
+    named = _named(material)
+    if not material.name and named not in table:
+        taken, plain, number = {m.name for m in table}, named.name, 2
+        while named not in table and named.name in taken:
+            named, number = replace(named, name=f"{plain} ({number})"), number + 1
+    return table.setdefault(named, len(table))
+
+
 def _named(material: Material) -> Material:
     """The material without its back, named after what it reflects where it has no name."""
     name = material.name
@@ -118,7 +131,8 @@ def _named(material: Material) -> Material:
 def _shares(grey: str, rgb: str, r: Reflectance) -> str:
     if np.ndim(r) == 2:
         low, high = (pair[0] for pair in (r[0], r[-1]))  # type: ignore[index]
-        return f"spectrum {low:g} to {high:g} nm"
+        level = primary_reflectance(band_means(*np.array(r).T, held=True)) @ LUMINANCE_WEIGHTS
+        return f"spectrum {low:g} to {high:g} nm, {level:.3g}"
     values = (grey, f"{r:g}") if isinstance(r, float) else (rgb, *(f"{x:g}" for x in r))
     return " ".join(text for text in values if text)
 

@@ -224,23 +224,25 @@ def default_faces(scene: SceneData, *, limit: int = 40) -> tuple[int, list[str]]
 
 def luminaire_rows(scene: SceneData) -> list[dict[str, str]]:
     """Luminaires with what was computed with; equal ones of a group are counted together."""
-    merged: dict[tuple[Any, ...], list[str]] = defaultdict(list)
+    merged: dict[tuple[Any, ...], list[Luminaire]] = defaultdict(list)
     for lamp in scene.luminaires:
         # Rounded: copies of one lamp differ by rounding of their area.
         area = float(f"{lamp.area_m2:.6g}")
         key = (
             lamp.group,
             lamp.flux_lm,
-            lamp.cct_k,
+            # Not the number alone: of saturated light it is none, and equals not itself.
+            lamp.cct_k if lamp.spectrum is None else lamp.spectrum,
             lamp.power_w,
             area,
             f.srgb_hex(_bright(lamp.color)),
             web_name(lamp),
             "" if lamp.profile is None else lamp.profile.kind,
         )
-        merged[key].append(lamp.part)
+        merged[key].append(lamp)
     rows = []
-    for (group, flux, cct, power, area, swatch, web, profile), parts in merged.items():
+    for (group, flux, _, power, area, swatch, web, profile), lamps in merged.items():
+        parts, cct = [lamp.part for lamp in lamps], lamps[0].cct_k
         new = flux / scene.maintenance_factor
         rows.append(
             {

@@ -212,9 +212,11 @@ def grid_csv(grid: SensorResult) -> str:
         values += [100.0 * v for v in found]
     if grid.spectral is not None:
         told = grid.spectral
-        columns += ["CCT_K", "CCT_error_K", "Duv", "x", "y", "EDI_melanopic_lx", "DER_melanopic"]
-        values += [told.cct_k, told.cct_error_k, told.duv, *told.chromaticity.T]
-        values += [told.melanopic_edi_lx, told.melanopic_der]
+        columns += ["CCT_K", "CCT_error_K", "Duv", "Duv_error", "x", "y"]
+        values += [told.cct_k, told.cct_error_k, told.duv, told.duv_error, *told.chromaticity.T]
+        columns += ["EDI_melanopic_lx", "EDI_error_lx", "DER_melanopic", "DER_error"]
+        values += [told.melanopic_edi_lx, grid.edi_error_lx]
+        values += [told.melanopic_der, told.der_error]
     rows = [[i, *(f"{float(v[i]):.9g}" for v in values)] for i in range(len(grid.illuminance_lx))]
     return csv_text(columns, rows)
 

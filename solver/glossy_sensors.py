@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -35,8 +36,8 @@ _DEVIATION = 0.1
 _LAMPS, _RAYS = 1.0, 2
 #: Two Gauss points on [0, 1].
 _AT = np.array([0.21132486540518713, 0.7886751345948129])
-#: Points evaluated at a time.
-_BLOCK = 20_000
+#: Values a group and a band of points evaluated at a time: 5 MB in each of a few arrays.
+_VALUES = 600_000
 
 
 @dataclass(eq=False)
@@ -64,6 +65,12 @@ class Cells:
     def take(self, rows: IntArray) -> Cells:
         """Some of them."""
         return Cells(self.sensor[rows], self.element[rows], self.boxes[rows], self.factor[rows])
+
+    @staticmethod
+    def joined(parts: list[Cells]) -> Cells:
+        """All of some together."""
+        names = ("sensor", "element", "boxes", "factor")
+        return Cells(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     def quartered(self) -> Cells:
         """Each cut in four, whose factors are not yet those of the quarters but those of all."""
@@ -126,26 +133,48 @@ class SensorLobes:
         cells, parents = self._begin(seen)
         count = 0
         for level in range(_LEVELS + 1):
-            if not len(cells):
-                break
-            value, deviation, share = self._evaluate(cells, grid)
             count += 4 * len(cells)
-            # What was known of the whole is parted as the quarters show it.
-            total = np.bincount(parents, share, int(parents.max()) + 1)[parents]
-            cells.factor = cells.factor * np.where(
-                total > 0.0, share / np.maximum(total, 1e-300), 0
-            )
-            error = np.pi * cells.factor * deviation
-            cut = error > tolerance[cells.sensor]
-            if level == _LEVELS or 4 * int(cut.sum()) > _MOST:
-                cut[:] = False
-            done = ~cut
-            light = np.pi * cells.factor[done, None, None] * value[done]
-            np.add.at(out, cells.sensor[done], light)
-            np.add.at(variance, cells.sensor[done], (_DEVIATION * error[done]) ** 2)
-            cells = cells.take(np.flatnonzero(cut)).quartered()
+            uneven: list[Cells] = []
+            left = 0 if level == _LEVELS else _MOST // 4
+            for rows in self._blocks(parents):
+                own = cells.take(rows)
+                value, deviation, share = self._evaluate(own, grid)
+                # What was known of the whole is parted as the quarters show it.
+                whole = parents[rows] - parents[rows[0]]
+                total = np.bincount(whole, share)[whole]
+                own.factor = own.factor * np.where(
+                    total > 0.0, share / np.maximum(total, 1e-300), 0
+                )
+                error = np.pi * own.factor * deviation
+                cut = error > tolerance[own.sensor]
+                if int(cut.sum()) > left:
+                    cut[:] = False
+                left -= int(cut.sum())
+                done = ~cut
+                light = np.pi * own.factor[done, None, None] * value[done]
+                np.add.at(out, own.sensor[done], light)
+                np.add.at(variance, own.sensor[done], (_DEVIATION * error[done]) ** 2)
+                uneven.append(own.take(np.flatnonzero(cut)))
+            if not sum(map(len, uneven)):
+                break
+            cells = Cells.joined(uneven).quartered()
             parents = np.repeat(np.arange(len(cells) // 4), 4)
         return out, variance, count
+
+    def _blocks(self, parents: IntArray) -> Iterator[IntArray]:
+        """Rows of cells that are done at a time, with all of a parent together.
+
+        Fewer where there are more values a point: groups times bands.
+        """
+        values = len(self.second.groups) * self.second.bands
+        size = max(_VALUES // (4 * values), 1)
+        start = 0
+        while start < len(parents):
+            # To the end of the parent in which the block is full.
+            last = parents[min(start + size, len(parents)) - 1]
+            end = int(np.searchsorted(parents, last, side="right"))
+            yield np.arange(start, end)
+            start = end
 
     def _irradiance(self, element: IntArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Illuminance (k, g, b) at places (k,) on elements, or its mean where nodes lack. [lx]"""
@@ -189,22 +218,14 @@ class SensorLobes:
 
     def _evaluate(self, cells: Cells, grid: Sensors) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Change of radiance (k, g, b), its luminous deviation (k,), and geometric shares (k,)."""
-        k = len(cells)
-        value = np.zeros((k, len(self.second.groups), self.second.bands))
-        deviation, share = np.zeros(k), np.zeros(k)
-        for first in range(0, k, _BLOCK // 4):
-            rows = slice(first, min(first + _BLOCK // 4, k))
-            own = cells.take(np.arange(rows.start, rows.stop))
-            light, weight = self._points(own, grid)
-            total = weight.sum(axis=1)
-            part = weight / np.where(total > 0.0, total, 1.0)[:, None]
-            mean = np.einsum("kq,kqgb->kgb", part, light)
-            bright = luminous(light.sum(axis=2))
-            middle = luminous(mean.sum(axis=1))
-            value[rows], share[rows] = mean, total
-            spread = (part * (bright - middle[:, None]) ** 2).sum(axis=1)
-            deviation[rows] = np.sqrt(spread)
-        return value, deviation, share
+        light, weight = self._points(cells, grid)
+        total = weight.sum(axis=1)
+        part = weight / np.where(total > 0.0, total, 1.0)[:, None]
+        mean = np.einsum("kq,kqgb->kgb", part, light)
+        bright = luminous(light.sum(axis=2))
+        middle = luminous(mean.sum(axis=1))
+        spread = (part * (bright - middle[:, None]) ** 2).sum(axis=1)
+        return mean, np.sqrt(spread), total
 
     def _points(self, cells: Cells, grid: Sensors) -> tuple[FloatArray, FloatArray]:
         """Change of radiance (k, 4, g, b) at four points a cell, and their weights (k, 4)."""

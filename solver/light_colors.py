@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from .open_sky import OpenSky
 
 #: Cells that tell the colour of the sky on elements, at sensors and on level ground, as `dome_grid`
-#: has them: the colour temperature of a clear sky is good to 2 % and to 0.5 %, which is less than
-#: what models of it differ by.
+#: has them: the colour temperature of an open clear sky is good to 2 % and to 0.5 %, which is less
+#: than what models of it differ by; that of what windows show is in `spectral_sensors`.
 ELEMENT_PARTS, SENSOR_PARTS, LEVEL_PARTS = 1, 2, 4
 #: Rays a direction of each cell where curved surfaces may hide something.
 FINER = 2
@@ -74,7 +74,11 @@ class LightColors:
         if not self.sky_varies:
             return cct_color(sky.cct_k, self.bands)
         grid = dome_grid(LEVEL_PARTS)
-        return self._of(grid.level[None] @ self._weights(sky, grid))[0]
+        weights = grid.level @ self._weights(sky, grid)
+        if not weights[0] > 0.0:
+            # Black: no light has this colour, but it is told.
+            return cct_color(sky.cct_k, self.bands)
+        return self._of(weights[None])[0]
 
     @cached_property
     def sun(self) -> FloatArray:
@@ -97,7 +101,7 @@ class LightColors:
             return self.sun if sky is None else self.sky
         light = horizontal_illuminance(sky) * self.sky + sun_horizontal_illuminance(sun) * self.sun
         level = float(luminous(light))
-        return light / level if level > 0.0 else np.ones(self.bands)
+        return light / level if level > 0.0 else self.sky
 
     def sky_at(
         self, open_sky: OpenSky, points: FloatArray, normals: FloatArray, parts: int

@@ -42,17 +42,20 @@ def sensor_result(
         components=components,
         daylight=_daylight(scene, components, error, outdoors),
         outline=grid.outline,
-        spectral=_spectral(grid, gathered, error) if spectral else None,
+        spectral=_spectral(scene, grid, gathered, error) if spectral else None,
     )
 
 
-def _spectral(grid: Sensors, gathered: Gathered, error_lx: FloatArray) -> SpectralLight | None:
+def _spectral(
+    scene: SceneData, grid: Sensors, gathered: Gathered, error_lx: FloatArray
+) -> SpectralLight | None:
     """Colour of the light, where it is asked for."""
     if not grid.spectral:
         return None
     from .spectral_sensors import spectral_light
 
-    return spectral_light(gathered.components.values(), error_lx)
+    model = "constant" if scene.sky is None else scene.sky.color
+    return spectral_light(gathered.components, error_lx, model)
 
 
 def tells_daylight_factors(scene: SceneData) -> bool:

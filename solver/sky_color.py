@@ -86,9 +86,14 @@ def sky_chromaticity(
     return daylight_locus(np.full(d.shape[:-1], sky.cct_k))
 
 
+def is_overcast(sky: Sky) -> bool:
+    """Whether a sky is of a type that is overcast or uniform, and has one colour by luminance."""
+    return isinstance(sky, CIESky) and sky.type in _OVERCAST
+
+
 def sky_temperature(sky: Sky, directions: FloatArray) -> FloatArray:
     """Colour temperature (...) by luminance, within that of daylight. [1] [K]"""
-    if isinstance(sky, CIESky) and sky.type in _OVERCAST:
+    if is_overcast(sky):
         return np.full(directions.shape[:-1], OVERCAST_K)
     with np.errstate(divide="ignore"):
         mired = -132.1 + 59.77 * np.log10(luminance(sky, directions))
@@ -123,8 +128,10 @@ def _turbidity(sky: Sky) -> float:
 
 def _preetham(sky: Sky, d: FloatArray, turbidity: float) -> FloatArray:
     """The chromaticities of the clear sky. [2]"""
-    if sky.sun_altitude_deg is None:
-        raise InputError("color model 'preetham': the sky has no sun; give sun_altitude_deg")
+    if sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None:
+        raise InputError(
+            "color model 'preetham': the sky has no sun; give sun_altitude_deg and sun_azimuth_deg"
+        )
     sun = np.array(sun_direction(sky))
     d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     z = np.maximum(d[..., 2], _LOW)

@@ -11,6 +11,7 @@ import numpy as np
 from .errors import InputError
 from .model.arrays import FloatArray, frozen
 from .model.bands import (
+    ENDS_NM,
     LUMINANCE_WEIGHTS,
     OBSERVER,
     SPECTRAL,
@@ -67,8 +68,20 @@ def spectrum_bands(spectrum: Spectrum) -> FloatArray:
     ----------
     spectrum : pairs of (wavelength_nm, relative power)
         Linear in between, nothing outside them.
+
+    Raises
+    ------
+    InputError
+        If the bands have none of its light that is visible.
     """
-    return frozen(luminous_shares(band_means(*np.array(spectrum).T)))
+    wavelength, power = np.array(spectrum).T
+    means = band_means(wavelength, power)
+    if not means @ OBSERVER[:, 1] > 1e-9 * power.max():
+        raise InputError(
+            f"spectrum from {wavelength[0]:g} to {wavelength[-1]:g} nm: no light between "
+            f"{ENDS_NM[0]:g} and {ENDS_NM[-1]:g} nm, the bands of spectral sensors, is visible"
+        )
+    return frozen(luminous_shares(means))
 
 
 @lru_cache(maxsize=8)

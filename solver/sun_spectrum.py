@@ -8,6 +8,8 @@ cm of ozone, and aerosol of optical depth 0.084 at 500 nm. More aerosol makes a 
    Climate and Applied Meteorology 25(1), 1986, pp. 87-97; as pvlib has it.
 .. [2] ASTM G173-03, "Standard tables for reference solar spectral irradiances: direct normal and
    hemispherical on 37 degree tilted surface".
+.. [3] I. Reda and A. Andreas, "Solar position algorithm for solar radiation applications", NREL
+   TP-560-34302, revised 2008, eq. 42; as pvlib has it.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from .model.reflectance import Spectrum
 
 #: The atmosphere. [Pa, cm, cm, 1] [2]
 PRESSURE_PA, WATER_CM, OZONE_CM, AEROSOL = 101325.0, 1.42, 0.344, 0.084
+#: Its temperature at sea level, and refraction at the horizon as it is usual. [degrees C, deg] [3]
+TEMPERATURE_C, AT_HORIZON_DEG = 15.0, 0.5667
 #: Lowest altitude of the fit of the air mass: below it the sun is as there. [deg]
 LOWEST_DEG = 0.0
 
@@ -35,7 +39,11 @@ def sun_spectrum(altitude_deg: float) -> Spectrum:
     """
     import pvlib
 
-    zenith = np.array([90.0 - max(altitude_deg, LOWEST_DEG)])
+    # Where the sun is seen: refraction lifts it, at the horizon by its own width.
+    lifted = pvlib.spa.atmospheric_refraction_correction(
+        0.01 * PRESSURE_PA, TEMPERATURE_C, altitude_deg, AT_HORIZON_DEG
+    )
+    zenith = np.array([max(90.0 - max(altitude_deg + lifted, LOWEST_DEG), 0.0)])
     mass = pvlib.atmosphere.get_relative_airmass(zenith, model="kastenyoung1989")
     found = pvlib.spectrum.spectrl2(
         apparent_zenith=zenith,

@@ -79,9 +79,7 @@ def band_means(wavelength_nm: ArrayLike, values: ArrayLike, *, held: bool = Fals
     outside = (None, None) if held else (0.0, 0.0)
     out = np.empty(SPECTRAL)
     for k, (low, high) in enumerate(zip(ENDS_NM[:-1], ENDS_NM[1:], strict=True)):
-        # Where it starts or stops there is a step.
-        ends = (e for e in (x[0], x[-1]) if low < e < high)
-        at = np.array(sorted({low, high, *x[(x > low) & (x < high)], *ends}))
+        at = np.array(sorted({low, high, *x[(x > low) & (x < high)]}))
         whole = 0.0
         for a, b in zip(at[:-1], at[1:], strict=True):
             whole += (b - a) * float(np.interp(0.5 * (a + b), x, y, *outside))
@@ -116,8 +114,22 @@ def spectral_reflectance(rgb: ArrayLike) -> FloatArray:
     return np.asarray(np.asarray(rgb, dtype=np.float64) @ PRIMARIES)
 
 
-def primary_reflectance(reflectance: FloatArray) -> FloatArray:
-    """Linear sRGB (..., 3) of a reflectance (..., 20): what it makes of D65, 0 to 1."""
-    light = luminous_shares(D65)
-    seen = tristimulus(reflectance * light) @ TO_RGB.T
-    return np.asarray(np.clip(seen / (tristimulus(light) @ TO_RGB.T), 0.0, 1.0))
+def primary_reflectance(reflectance: FloatArray, most: ArrayLike = 1.0) -> FloatArray:
+    """Linear sRGB (..., 3) of a reflectance (..., 20): what it makes of D65, 0 to ``most`` (3,).
+
+    What lies outside the gamut is brought back by setting negative values to 0 and values above the
+    most to that. All others are scaled so that luminance stays, as far as the most allows.
+    """
+    light, weights = luminous_shares(D65), np.array(LUMINANCE_WEIGHTS)
+    seen = tristimulus(reflectance * light) @ TO_RGB.T / (tristimulus(light) @ TO_RGB.T)
+    level = np.asarray(seen @ weights)[..., None]
+    # More than nothing, so that it can be scaled where all others are full.
+    free, most = np.maximum(seen, 1e-9), np.broadcast_to(most, seen.shape)
+    out, full = free, np.zeros(seen.shape, dtype=bool)
+    for _ in range(3):  # each time one more primary may be full
+        rest = level - np.where(full, weights * most, 0.0).sum(axis=-1, keepdims=True)
+        known = np.where(full, 0.0, weights * free).sum(axis=-1, keepdims=True)
+        scale = np.maximum(rest, 0.0) / np.where(known > 0.0, known, 1.0)
+        out = np.where(full, most, scale * free)
+        full = full | (out > most)
+    return np.asarray(np.minimum(out, most))

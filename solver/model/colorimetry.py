@@ -19,7 +19,8 @@ class SpectralLight:
     """Light in twenty bands at n sensors; row i of every array is the same sensor.
 
     What is stated as error is the most that a value changes when the numerical error of the
-    illuminance is light of one of the groups, direct or indirect. Spectra of sky, sun, lamps and
+    illuminance is light of one of the groups, direct or indirect; and where the colour of the sky
+    is modelled by direction what the cells leave of its mean. Spectra of sky, sun, lamps and
     surfaces are taken as given or modelled, and 20 bands as what is known of them.
 
     Attributes
@@ -31,7 +32,8 @@ class SpectralLight:
     duv : (n,) array
         Distance from the Planckian locus in (u', 2/3 v'), positive above it. [1]
     cct_error_k, duv_error, der_error : (n,) array
-        Half-widths of the errors of `cct_k`, `duv` and `melanopic_der`. [K, 1, 1]
+        Half-widths of the errors of `cct_k`, `duv` and `melanopic_der`; not numbers where these
+        are none. [K, 1, 1]
     """
 
     bands_lx: FloatArray

@@ -19,6 +19,8 @@ from .reflectance import Reflectance, checked_reflectance, checked_spectrum, in_
 
 #: Sharpest lobe: a twentieth of a degree wide. Use a mirror beyond it.
 MAX_EXPONENT = 1e6
+#: Shares of a material, those first that keep theirs where spectra do not fit into primaries.
+_SHARES = ("mirror", "specular", "reflectance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +61,13 @@ class Material:
         for share in ("reflectance", "specular", "mirror"):
             value = checked_reflectance(f"Material.{share}", getattr(self, share))
             object.__setattr__(self, share, value)
-        shares = (self.scattered_in(bands) + self.mirror_in(bands) for bands in (3, SPECTRAL))
-        total = max(float(share.max()) for share in shares)
+        # Of spectra the primaries are what the sum leaves: see `_share_in`.
+        plain = [value for name in _SHARES if np.ndim(value := getattr(self, name)) < 2]
+        sums = (
+            sum(in_bands(value, 3) for value in plain),
+            self.scattered_in(SPECTRAL) + self.mirror_in(SPECTRAL),
+        )
+        total = max(float(np.max(share)) for share in sums)
         if total > 1.0 + 1e-12:
             raise InputError(
                 f"Material: reflectance + specular + mirror = {total:g}: must not exceed 1 in any "
@@ -75,7 +82,7 @@ class Material:
     @property
     def bands(self) -> FloatArray:
         """Diffuse reflectance in the three colour bands, shape (3,)."""
-        return in_bands(self.reflectance, 3)
+        return self._share_in("reflectance", 3)
 
     @property
     def specular_bands(self) -> FloatArray:
@@ -94,15 +101,30 @@ class Material:
 
     def specular_in(self, bands: int) -> FloatArray:
         """Glossy reflectance (b,) in 1, 3 or 20 bands."""
-        return in_bands(self.specular, bands)
+        return self._share_in("specular", bands)
 
     def mirror_in(self, bands: int) -> FloatArray:
         """Mirroring share (b,) in 1, 3 or 20 bands."""
-        return in_bands(self.mirror, bands)
+        return self._share_in("mirror", bands)
 
     def scattered_in(self, bands: int) -> FloatArray:
         """Diffuse and glossy reflectance (b,) together in 1, 3 or 20 bands."""
-        return in_bands(self.reflectance, bands) + self.specular_in(bands)
+        return self._share_in("reflectance", bands) + self.specular_in(bands)
+
+    def _share_in(self, name: str, bands: int) -> FloatArray:
+        """One share (b,); of a spectrum no more in a primary than the others leave of 1.
+
+        Spectra whose sum is 1 at most in twenty bands may exceed it in three, whose gamut is
+        narrower: then mirrors come first, and what is diffuse last.
+        """
+        value = getattr(self, name)
+        if bands == SPECTRAL or np.ndim(value) < 2:
+            return in_bands(value, bands)
+        left, place = np.ones(3), _SHARES.index(name)
+        for k, other in enumerate(_SHARES):
+            if k != place and (k < place or np.ndim(getattr(self, other)) < 2):
+                left = left - self._share_in(other, 3)
+        return in_bands(value, bands, np.maximum(left, 0.0))
 
     @property
     def is_grey(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .arrays import FloatArray, check_finite
@@ -70,12 +71,19 @@ def checked_reflectance(name: str, value: object) -> Reflectance:
     return (float(array[0]), float(array[1]), float(array[2]))
 
 
-def in_bands(value: Reflectance, bands: int) -> FloatArray:
-    """A reflectance (b,) in 1, 3 or 20 bands; in 1 it is that of a grey one."""
+def in_bands(value: Reflectance, bands: int, most: ArrayLike = 1.0) -> FloatArray:
+    """A reflectance (b,) in 1, 3 or 20 bands; in 1 it is that of a grey one.
+
+    A spectrum exceeds its own greatest value and ``most`` (3,) in none of 3, see
+    `primary_reflectance`.
+    """
     array = np.asarray(value, dtype=np.float64)
     if array.ndim == 2:
         array = band_means(*array.T, held=True)
-        return array if bands == SPECTRAL else primary_reflectance(array)[:bands]
+        if bands == SPECTRAL:
+            return array
+        # A primary that reflected more than any wavelength does would be sent back and forth.
+        return primary_reflectance(array, np.minimum(most, array.max()))[:bands]
     if array.ndim == 1 and bands == SPECTRAL:
         return spectral_reflectance(array)
     return np.broadcast_to(array, (max(bands, 3),))[:bands]

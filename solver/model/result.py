@@ -123,15 +123,25 @@ class SensorResult:
         told = self.spectral
         if told is None:
             return {}
-        edi, ratio = told.melanopic_edi_lx, np.nan_to_num(told.melanopic_der)
-        error = self.error_lx * (ratio + told.der_error) + self.illuminance_lx * told.der_error
-        return {
-            "EDI_avg_lx": self.mean(error),
-            "EDI_min_lx": float(error[np.argmin(edi)]),
-            "CCT_avg_K": self.mean(told.cct_error_k),
-            "Duv_avg": self.mean(told.duv_error),
-            "DER_avg": self.mean(told.der_error),
+        edi, error = told.melanopic_edi_lx, self.edi_error_lx
+        values = {"EDI_avg_lx": self.mean(error), "EDI_min_lx": float(error[np.argmin(edi)])}
+        means = {
+            "CCT_avg_K": told.cct_error_k,
+            "Duv_avg": told.duv_error,
+            "DER_avg": told.der_error,
         }
+        return values | {k: self.mean(v) for k, v in means.items() if np.isfinite(v).all()}
+
+    @property
+    def edi_error_lx(self) -> FloatArray:
+        """Half-width (n,) of the error of the melanopic illuminance where it is told, else 0."""
+        if self.spectral is None:
+            return np.zeros(len(self.error_lx))
+        # In the dark neither is a number.
+        ratio, off = (
+            np.nan_to_num(v) for v in (self.spectral.melanopic_der, self.spectral.der_error)
+        )
+        return np.asarray(self.error_lx * (ratio + off) + self.illuminance_lx * off)
 
     @property
     def _counted(self) -> NDArray[np.bool_]:

@@ -45,9 +45,11 @@ def check_sky_color(sky: Any) -> None:
     """Check the colour temperature of a sky, that of daylight, and its colour model."""
     store_number(sky, "cct_k", 4000.0, 25000.0)
     _check_model(sky, SKY_COLORS, SKY_CCT_K)
-    if sky.color == "preetham" and sky.sun_altitude_deg is None:
-        name = type(sky).__name__
-        raise InputError(f"{name}.color = 'preetham': the sky has no sun; give sun_altitude_deg")
+    if sky.color == "preetham" and (sky.sun_altitude_deg is None or sky.sun_azimuth_deg is None):
+        raise InputError(
+            f"{type(sky).__name__}.color = 'preetham': the sky has no sun; give sun_altitude_deg "
+            "and sun_azimuth_deg"
+        )
 
 
 def check_sun_color(sun: Any) -> None:

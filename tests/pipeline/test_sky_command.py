@@ -298,6 +298,20 @@ def test_measured_skies_of_scene_files(folder):
     assert load_scene(again).sky == scene.sky
 
 
+def test_colour_of_measured_skies_takes_the_sun_of_the_scene(folder, sky):
+    """And the command shows the model of the scene unless it is given another."""
+    text = HEAD + (
+        "[sky]\nmodel = 'patches'\nfile = 'sky.csv'\ncolor = 'preetham'\n"
+        "[sun]\naltitude_deg = 30\nazimuth_deg = 180\nnormal_illuminance_lx = 1000\n"
+    )
+    scene = load_scene(write(folder, text))
+    assert scene.sky == PatchSky([250.0] * 145, 30.0, 180.0, color="preetham")
+    _, found, _ = sky("--scene", folder / "scene.toml")
+    assert found["color_model"] == "preetham, modelled" and "x" in found["luminance"][0]
+    _, other, _ = sky("--scene", folder / "scene.toml", "--color", "constant")
+    assert other["color_model"] == "constant, modelled"
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -176,7 +176,42 @@ def test_bad_reflectances_are_refused(value, message):
         Material(value)
 
 
+@pytest.mark.parametrize("edge", [440.0, 490.0, 540.0, 560.0, 580.0, 620.0])
+@pytest.mark.parametrize("rising", [False, True])
+def test_primaries_of_saturated_surfaces_keep_their_luminance(edge, rising):
+    """What is outside the gamut of sRGB moves into it, and not the light that is reflected."""
+    low, high = (0.03, 0.9) if rising else (0.9, 0.03)
+    steep = Material([(400, low), (edge - 1, low), (edge + 1, high), (700, high)])
+    rgb, told = steep.bands, steep.scattered_in(20) @ b.luminous_shares(b.D65)
+    # More than any wavelength has would not be absorbed between walls.
+    assert (rgb >= 0.0).all() and (rgb <= 0.9).all()
+    assert steep.luminous_reflectance == pytest.approx(told, rel=1e-3)
+
+
+def test_primaries_that_are_full_hold_no_more():
+    deep = Material([(400, 0.0), (639, 0.0), (641, 1.0), (700, 1.0)])
+    assert deep.bands.max() <= 1.0
+    assert b.primary_reflectance(np.ones(20), (0.2, 1.0, 1.0)) == pytest.approx([0.2, 1.0, 1.0])
+    assert b.primary_reflectance(np.zeros(20)) == pytest.approx(np.zeros(3))
+    # Room for the whole in green alone.
+    half = b.primary_reflectance(np.full(20, 0.5), (0.2, 1.0, 0.5))
+    weights = np.array(b.LUMINANCE_WEIGHTS)
+    assert half[0] == 0.2 and half[2] == 0.5
+    assert half @ weights == pytest.approx(0.5, rel=1e-6)
+
+
 def test_shares_of_one_surface_are_added_by_wavelength():
     with pytest.raises(InputError, match=r"reflectance \+ specular \+ mirror = 1.1"):
         Material([(400, 0.5), (500, 0.9)], specular=0.2)
     Material((0.6, 0.3, 0.2), specular=(0.4, 0.7, 0.8))
+    # 1 in no band; in three the mirror keeps its share and the rest makes room.
+    steep = [(400, 0.03), (559, 0.03), (561, 0.9), (700, 0.9)]
+    for mirror in (0.1, [(400, 0.05), (700, 0.1)]):
+        material = Material(steep, mirror=mirror)
+        whole = material.scattered_bands + material.mirror_bands
+        assert (whole <= 1.0 + 1e-12).all() and material.bands[0] == pytest.approx(0.9)
+        level = material.scattered_in(20) @ b.luminous_shares(b.D65)
+        assert material.luminous_reflectance == pytest.approx(level, rel=1e-3)
+        assert material.luminous_mirror > 0.05
+    with pytest.raises(InputError, match=r"reflectance \+ specular \+ mirror = 1.1"):
+        Material(0.5, specular=(0.6, 0.2, 0.2), mirror=[(400, 0.0), (500, 0.01)])

@@ -102,3 +102,23 @@ def test_wrong_values_are_named(bad):
     how = {"luminance": 1.0, "views": UP} | bad
     with pytest.raises(InputError, match=next(iter(bad))):
         specular_radiance(np.zeros((1, 3)), UP, how.pop("views"), cone(0.2), **how)
+
+
+@pytest.mark.parametrize("bands", [1, 3, 20])
+def test_blocks_of_highlights_have_whole_parents_and_are_bounded(bands):
+    """What is kept of a block is by points, groups and bands; a parent's quarters are together."""
+    from types import SimpleNamespace
+
+    from patchlight.solver import glossy_sensors as g
+
+    groups = ["a", "b", "c", "d", "e", "f", "g"]
+    own = SimpleNamespace(second=SimpleNamespace(groups=groups, bands=bands))
+    parents = np.repeat(np.arange(20_000), np.random.default_rng(1).integers(1, 145, 20_000))
+    end = 0
+    for rows in g.SensorLobes._blocks(own, parents):
+        assert rows[0] == end and (np.diff(rows) == 1).all()
+        assert end == 0 or parents[end] != parents[end - 1]
+        assert (len(rows) - 144) * 4 * len(groups) * bands <= g._VALUES
+        end = rows[-1] + 1
+    assert end == len(parents)
+    assert not list(g.SensorLobes._blocks(own, parents[:0]))
