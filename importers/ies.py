@@ -227,6 +227,7 @@ def _checks(web: Photometry, keywords: dict[str, str], header: str) -> list[str]
             remarks.append(f"its intensities add up to {flux:.4g} lm, its keywords say {stated:g}")
     if re.search(r"\b[mµu]?W\s*/\s*sr\b", header):
         remarks.append(
-            "it says that its intensities are in W/sr or mW/sr: results are in W or mW, not in lm"
+            "it says that its intensities are in W/sr or mW/sr: its flux is in W or mW, not in lm, "
+            "unless another is given"
         )
     return remarks

@@ -240,13 +240,19 @@ def resolved_sensors(
 
 
 def _without_weight_inside(sensors: Sensors, view: PlanView) -> Sensors:
-    """Given points of which those inside solids count in no metric, unless all of them are."""
-    from patchlight.solver.containment import inside_solids
+    """Given points of which those inside solids count in no metric.
 
-    inside = np.asarray(inside_solids(view.data, sensors.points), dtype=bool)
-    if not inside.any() or inside.all():
+    Raises
+    ------
+    InputError
+        If all of them are.
+    """
+    from .plane_grids import outside_solids
+
+    open_, _ = outside_solids(f"sensors {sensors.name!r}", sensors.points, view)
+    if open_.all():
         return sensors
-    return dataclasses.replace(sensors, area_m2=np.where(inside, 0.0, sensors.area_m2))
+    return dataclasses.replace(sensors, area_m2=np.where(open_, sensors.area_m2, 0.0))
 
 
 def _in_world(scene: Scene, name: str, sensors: Sensors) -> Sensors:

@@ -198,13 +198,14 @@ def test_sensors_under_furniture_are_dropped(house):
 
 
 def test_given_points_inside_solids_have_no_weight(house):
-    """They stay where their maker put them in the list, unless that is all there are."""
+    """They stay where their maker put them in the list; a grid of no others is refused."""
     scene = Scene(house)
     scene.add(SensorGrid([(1, 1, 0.8), (2, 1.5, 0.5), (3, 1, 0.8)], (0, 0, 1), name="g"))
-    scene.add(SensorGrid([(2, 1.5, 0.5)], (0, 0, 1), name="inside"))
-    some, every = scene.freeze().sensors
+    (some,) = scene.freeze().sensors
     assert some.area_m2.tolist() == [1.0, 0.0, 1.0] and len(some) == 3
-    assert every.area_m2.tolist() == [1.0]
-    lines = check_placement(scene.freeze())
-    assert lines[0].startswith("sensors 'g': 1 of 3 points lie inside solids")
-    assert lines[0].endswith("they count in no metric") and "count" not in lines[1]
+    (line,) = check_placement(scene.freeze())
+    assert line.startswith("sensors 'g': 1 of 3 points lie inside solids")
+    assert line.endswith("they count in no metric")
+    scene.add(SensorGrid([(2, 1.5, 0.5)], (0, 0, 1), name="inside"))
+    with pytest.raises(InputError, match="sensors 'inside': all 1 points lie inside solids"):
+        scene.freeze()
