@@ -25,8 +25,8 @@ class Body:
         Bodies of one non-negative number bound one closed solid, so that none of their backs is
         seen; −1 for a surface in the open.
     sky : bool
-        An opening that shows the sky of the case, ``radiance`` that of the zenith, darkness below
-        the horizon. It is no surface.
+        An opening that shows the sky of the case, ``radiance`` that of the zenith, 0 where there is
+        only the sun's disc; darkness below the horizon. It is no surface.
     two_sided : bool
         The inside reflects like the outside; it never shines.
     """
@@ -46,7 +46,8 @@ class RadianceSetting:
     Attributes
     ----------
     cut : (int, int)
-        Pieces along the two sides of a luminous rectangle, or of each patch of other shapes.
+        Pieces along the two sides of a luminous rectangle, or of each patch of other shapes; the
+        sun's disc becomes as many suns as the product says.
     options : str
         Added to those that switch interpolation, jitter and chance off.
     shift : bool
@@ -76,13 +77,27 @@ class MitsubaSetting:
 
 @dataclass(frozen=True)
 class OurSetting:
-    """One run of Patchlight: the one knob, and whether surfaces are new to the process."""
+    """One run of Patchlight: the one knob, and whether surfaces are new to the process.
+
+    ``whole`` runs the whole simulation where light that comes straight would be asked for alone.
+    """
 
     accuracy: float
     new: bool = False
+    whole: bool = False
 
     def __str__(self) -> str:
-        return f"accuracy {self.accuracy:g}" + (", new surfaces" if self.new else "")
+        more = ", new surfaces" * self.new + ", whole simulation" * self.whole
+        return f"accuracy {self.accuracy:g}{more}"
+
+
+@dataclass(frozen=True)
+class Disc:
+    """The sun's disc, evenly bright: 1 lx on a plane that faces it. [deg]"""
+
+    altitude: float
+    azimuth: float
+    radius: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +121,8 @@ class Case:
     sun : (float, float), optional
         Altitude, and azimuth clockwise from north (+y), of the sun of a clear sky, CIE type 12,
         whose disc is left out [deg]; the traditional overcast sky without.
+    disc : Disc, optional
+        The sun's disc, which then shines alone from a dark sky.
     """
 
     name: str
@@ -119,6 +136,7 @@ class Case:
     radiance: tuple[RadianceSetting, ...] = ()
     mitsuba: tuple[MitsubaSetting, ...] = field(default=())
     sun: tuple[float, float] | None = None
+    disc: Disc | None = None
 
     @property
     def reflects(self) -> bool:

@@ -29,7 +29,18 @@ from tools.ours import scene_data
 
 #: Relative error of the benchmark's truths that are no closed forms; of F twice its noise, of G
 #: twice how far two bases are apart.
-_DOUBT = {"C3": 5e-6, "C3_surf": 1e-4, "D2": 1e-5, "D2_clear": 1e-5, "F": 8e-3, "G": 4e-4}
+_DOUBT = {
+    "C3": 5e-6,
+    "C3_surf": 1e-4,
+    "D1_window": 1e-9,
+    "D1_window_clear": 1e-9,
+    "D1_roof": 1e-10,
+    "D1_roof_clear": 1e-10,
+    "D2": 1e-5,
+    "D2_clear": 1e-5,
+    "F": 8e-3,
+    "G": 4e-4,
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -163,7 +163,7 @@ def test_clear_sky_through_the_window_on_other_meshes():
     d = np.random.default_rng(1).normal(size=(3, 400))
     d[1], d[2] = -np.abs(d[1]), np.abs(d[2])
     sky = CIESky(12, sun_altitude_deg=SUN[0], sun_azimuth_deg=SUN[1])
-    luminance = truth_window._luminance(CLEAR_ROOM, *d, np.linalg.norm(d, axis=0))
+    luminance = truth_window.relative_luminance(CLEAR_ROOM.sun, *d, np.linalg.norm(d, axis=0))
     np.testing.assert_allclose(luminance, relative_luminance(sky, d.T), rtol=1e-12)
     few = slice(None, None, 7)
     points, normals = CLEAR.points[few], CLEAR.normals[few]
@@ -184,6 +184,72 @@ def test_clear_sky_through_the_window_on_other_meshes():
     np.testing.assert_allclose(direct + (4.0 * two - one) / 3.0, truth, rtol=5e-5)
 
 
+@pytest.mark.parametrize("case", ["WINDOW_OVERCAST", "WINDOW_CLEAR", "ROOF_OVERCAST", "ROOF_CLEAR"])
+def test_daylight_of_a_black_room_agrees_with_directions(case):
+    """Of all directions those that go through the opening, and the solver's formula of the sky."""
+    from cases import d1_daylight
+    from patchlight.solver.model import CIESky
+    from patchlight.solver.skies import relative_luminance
+
+    case = getattr(d1_daylight, case)
+    altitude = 0.5 * math.pi * _cells(1000)[:, None]
+    azimuth = 2.0 * math.pi * _cells(4000)[None, :]
+    d = np.stack(
+        np.broadcast_arrays(
+            np.cos(altitude) * np.sin(azimuth),
+            np.cos(altitude) * np.cos(azimuth),
+            np.sin(altitude),
+        ),
+        axis=-1,
+    )
+    sky = CIESky(16)
+    if case.sun is not None:
+        sky = CIESky(12, sun_altitude_deg=case.sun[0], sun_azimuth_deg=case.sun[1])
+    light = relative_luminance(sky, d.reshape(-1, 3)).reshape(1000, 4000)
+    light *= np.sin(altitude) * np.cos(altitude) * (0.5 * math.pi / 1000) * (2.0 * math.pi / 4000)
+    (opening,) = [body.shape.corners() for body in case.bodies if body.sky]
+    low, high = opening.min(axis=0), opening.max(axis=0)
+    axis = int(np.argmin(high - low))
+    truth = case.truth()
+    for k in (2, 45, 93):
+        point = case.points[k]
+        with np.errstate(divide="ignore"):
+            away = (low[axis] - point[axis]) / d[..., axis]
+        met = away > 0.0
+        for i in set(range(3)) - {axis}:
+            at = point[i] + away * d[..., i]
+            met &= (at > low[i]) & (at < high[i])
+        # Cells that the rim of the opening cuts are right or wrong as by chance, 1 in 1000 across.
+        assert float(light[met].sum()) == pytest.approx(truth[k], rel=2e-3)
+
+
+def test_sun_through_a_window_agrees_with_rays_to_the_disc():
+    from cases import d3_sun
+
+    disc, toward = d3_sun.DISC, np.array(d3_sun._TOWARD)
+    across = np.cross(toward, UP)
+    across /= np.linalg.norm(across)
+    upward = np.cross(across, toward)
+    # Points evenly over the disc projected onto the plane that faces it, on no lines: a sunflower.
+    sine = math.sin(math.radians(disc.radius)) * np.sqrt(_cells(1_000_000))
+    angle = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(1_000_000)
+    away = (sine * np.cos(angle))[..., None] * across + (sine * np.sin(angle))[..., None] * upward
+    d = away + np.sqrt(1.0 - sine**2)[..., None] * toward
+    # Light on an upward plane: the cosine on it over that on the plane that faces the disc.
+    weight = d[..., 2] / np.sqrt(1.0 - sine**2)
+    truth = d3_sun.CASE.truth()
+    whole = math.sin(math.radians(disc.altitude))
+    # Both penumbrae are there, from the dark to full light.
+    assert truth[:61].max() == pytest.approx(whole, rel=1e-4) and truth[:61].min() == 0.0
+    assert truth[61:].max() == pytest.approx(whole, rel=1e-4) and truth[61:].min() == 0.0
+    for k in range(0, len(truth), 7):
+        point = d3_sun.POINTS[k]
+        x, _, z = np.moveaxis(point - d * (point[1] / d[..., 1])[..., None], -1, 0)
+        seen = (x > d3_sun.X0) & (x < d3_sun.X1) & (z > d3_sun.Z0) & (z < d3_sun.Z1)
+        # Of some 1000 points next to an edge a few are on the wrong side: 1e-6 of the light each.
+        assert float((weight * seen).mean()) == pytest.approx(truth[k], abs=4e-5)
+
+
 def test_cost_is_read_off_between_points():
     from measure import Point, cost
 
@@ -199,13 +265,15 @@ def test_cost_is_read_off_between_points():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    # One case each of straight light, of shadow, of reflection and of daylight; bounds on the root
-    # mean square of the quickest settings, about twice what they have.
+    # One case each of straight light, of shadow, of reflection, of daylight and of sun; bounds on
+    # the root mean square of the quickest settings, about twice what they have.
     ("case", "bounds"),
     [
         ("A1_far", {"patchlight": 1e-6, "radiance": 2e-2, "mitsuba": 6e-2}),
         ("B", {"patchlight": 1e-4, "radiance": 7e-2, "mitsuba": 6e-2}),
         ("C3", {"patchlight": 2e-2, "radiance": 3e-2, "mitsuba": 8e-2}),
+        ("D1_roof", {"patchlight": 1e-6, "radiance": 2e-2}),
+        ("D3", {"patchlight": 1e-4, "radiance": 3e-1, "mitsuba": 2.5e-1}),
         ("D2", {"patchlight": 3e-3, "radiance": 4e-2, "mitsuba": 3e-1}),
         ("F", {"patchlight": 2.5e-2, "mitsuba": 1.5e-1}),
     ],

@@ -28,16 +28,18 @@ def square_behind_sphere(
     a = 0.5 * side
     corners = np.array([[-a, -a, height], [a, -a, height], [a, a, height], [-a, a, height]])
     whole = polygon(points, np.broadcast_to(UP, points.shape), corners[::-1])
-    return whole - np.array(
-        [_hidden(p, corners, np.asarray(center, float), radius) for p in points]
-    )
+    to = np.asarray(center, float) - points
+    distance = np.linalg.norm(to, axis=1)
+    cones = zip(points, to / distance[:, None], radius / distance, strict=True)
+    return whole - np.array([inside_cone(p, corners, axis, sine) for p, axis, sine in cones])
 
 
-def _hidden(point: FloatArray, corners: FloatArray, center: FloatArray, radius: float) -> float:
-    to = center - point
-    distance = float(np.linalg.norm(to))
-    axis = to / distance
-    sine = radius / distance
+def inside_cone(point: FloatArray, corners: FloatArray, axis: FloatArray, sine: float) -> float:
+    """Irradiance of an upward sensor by what of a source lies inside a cone. [W/m²]
+
+    The flat source has ``corners`` (4, 3), clockwise as seen from the sensor, and radiance 1; the
+    cone has its tip at the sensor, a unit ``axis``, and ``sine`` is that of half its angle.
+    """
     cosine = math.sqrt(1.0 - sine * sine)
     total = 0.0
     for k in range(4):

@@ -70,14 +70,14 @@ def direct(
             away = p[:, 1] / -room.sun[1]
             at = np.clip(p[:, 0] + away * room.sun[0], x0, x1)
             height = np.clip(p[:, 2] + away * room.sun[2], low, z1)
-            x, wx = _crowded(x0, at, x1, order or _ORDER_CUSP)
-            z, wz = _crowded(low, height, z1, order or _ORDER_CUSP)
+            x, wx = crowded(x0, at, x1, order or _ORDER_CUSP)
+            z, wz = crowded(low, height, z1, order or _ORDER_CUSP)
         dx, dz = (x - p[:, 0, None])[:, :, None], (z - p[:, 2, None])[:, None, :]
         dy = -p[:, 1, None, None]
         square = np.maximum(dx * dx + dy * dy + dz * dz, 1e-300)
         up = np.maximum(n[:, 0, None, None] * dx + n[:, 1, None, None] * dy
                         + n[:, 2, None, None] * dz, 0.0)  # fmt: skip
-        light = _luminance(room, dx, dy, dz, np.sqrt(square)) * up * -dy / square**2
+        light = relative_luminance(room.sun, dx, dy, dz, np.sqrt(square)) * up * -dy / square**2
         out[start : start + 500] = np.einsum("nab,na,nb->n", light, wx, wz)
     return out
 
@@ -89,7 +89,7 @@ def _rule(low, high, order: int) -> tuple[FloatArray, FloatArray]:
     return low + size * 0.5 * (t + 1.0), size * 0.5 * w
 
 
-def _crowded(low, at: FloatArray, high, order: int) -> tuple[FloatArray, FloatArray]:
+def crowded(low, at: FloatArray, high, order: int) -> tuple[FloatArray, FloatArray]:
     """Abscissae and weights (n, 2 order) on both sides of ``at`` (n,), crowded towards it."""
     t, w = _rule(0.0, 1.0, order)
     ends = np.stack(np.broadcast_arrays(low - at, high - at), axis=1)[:, :, None]
@@ -99,22 +99,22 @@ def _crowded(low, at: FloatArray, high, order: int) -> tuple[FloatArray, FloatAr
     ).reshape(shape)
 
 
-def _luminance(room: WindowRoom, dx, dy, dz, r) -> FloatArray:
+def relative_luminance(sun: tuple[float, float, float] | None, dx, dy, dz, r) -> FloatArray:
     """Luminance of the sky in some directions of length ``r``; 1 in the zenith."""
     sine = dz / r
-    if room.sun is None:
+    if sun is None:
         return np.asarray((1.0 + 2.0 * sine) / 3.0)
-    cosine = (dx * room.sun[0] + dy * room.sun[1] + dz * room.sun[2]) / r
+    cosine = (dx * sun[0] + dy * sun[1] + dz * sun[2]) / r
     # The length of what is across tells small angles to all digits.
     across = np.sqrt(
-        (dy * room.sun[2] - dz * room.sun[1]) ** 2
-        + (dz * room.sun[0] - dx * room.sun[2]) ** 2
-        + (dx * room.sun[1] - dy * room.sun[0]) ** 2
+        (dy * sun[2] - dz * sun[1]) ** 2
+        + (dz * sun[0] - dx * sun[2]) ** 2
+        + (dx * sun[1] - dy * sun[0]) ** 2
     )
     with np.errstate(divide="ignore"):
         gradation = 1.0 - np.exp(-0.32 / np.maximum(sine, 0.0))
     glow = _glow(np.arctan2(across / r, cosine))
-    return np.asarray(gradation * glow / ((1.0 - np.exp(-0.32)) * _glow(np.arccos(room.sun[2]))))
+    return np.asarray(gradation * glow / ((1.0 - np.exp(-0.32)) * _glow(np.arccos(sun[2]))))
 
 
 def _glow(angle) -> FloatArray:

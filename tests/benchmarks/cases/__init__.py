@@ -7,8 +7,10 @@ from .a4_cylinder import CASE as CYLINDER
 from .b_penumbra import CASE as PENUMBRA
 from .c2_cavity import BRIGHT, DARK
 from .c3_room import SURFACES, WORKPLANE
+from .d1_daylight import ROOF_CLEAR, ROOF_OVERCAST, WINDOW_CLEAR, WINDOW_OVERCAST
 from .d2_window import CASE as WINDOW
 from .d2_window import CLEAR as CLEAR_WINDOW
+from .d3_sun import CASE as SUN
 from .f_conference import CASE as CONFERENCE
 from .g_pendant import CASE as PENDANT
 
@@ -23,8 +25,13 @@ CASES = (
     BRIGHT,
     WORKPLANE,
     SURFACES,
+    WINDOW_OVERCAST,
+    WINDOW_CLEAR,
+    ROOF_OVERCAST,
+    ROOF_CLEAR,
     WINDOW,
     CLEAR_WINDOW,
+    SUN,
     CONFERENCE,
     PENDANT,
 )

@@ -13,8 +13,9 @@ import sys
 import time
 
 import numpy as np
-from case import Body, Case, MitsubaSetting
+from case import Body, Case, Disc, MitsubaSetting
 from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.sky import direction
 from tools import Missing, Run
 
 VARIANT = "llvm_ad_mono"
@@ -25,6 +26,9 @@ CUT = (8, 8)
 
 #: Rows of a map of the sky.
 SKY_ROWS = 2048
+#: Distance of the sun's disc. It turns by 4e-7 rad over the room, 1e-4 of its radius, and single
+#: precision moves what is sampled on it by 1e-7 rad. [m]
+FAR = 1e7
 
 #: Dr.Jit ends the process when it finds an LLVM it does not get on with: tried in another one.
 TRIAL = f"""
@@ -93,6 +97,10 @@ class MitsubaTool:
         sampler.seed(setting.seed * len(case.points) + rows.start, n * setting.samples)
         row = dr.arange(mi.UInt32, n * setting.samples) // setting.samples
         at = dr.zeros(mi.SurfaceInteraction3f, n * setting.samples)
+        if case.disc is not None:
+            # Rays begin that far in front of a point, a hundredth of a penumbra; light from so far
+            # away is the same there.
+            points = points - normals * mi.math.RayEpsilon * (1.0 + np.abs(points).max(axis=0))
         at.p = dr.gather(mi.Point3f, mi.Point3f(points), row)
         at.n = dr.gather(mi.Normal3f, mi.Normal3f(normals), row)
         frame = mi.Frame3f(at.n)
@@ -128,6 +136,8 @@ class MitsubaTool:
 def scene_dict(case: Case) -> dict:
     """The case as Mitsuba's dictionary."""
     bodies = {f"b{k}": _shape(body) for k, body in enumerate(case.bodies) if not body.sky}
+    if case.disc is not None:
+        return {"type": "scene", **bodies, "sun": _far_disc(case.disc)}
     skies = {f"sky{k}": _overcast(b.radiance) for k, b in enumerate(case.bodies) if b.sky}
     return {"type": "scene", **bodies, **skies}
 
@@ -141,6 +151,21 @@ def _overcast(zenith: float) -> dict:
     picture = np.broadcast_to(row[:, None, None], (SKY_ROWS, 8, 3)).astype(np.float32)
     upright = mi.ScalarTransform4f().rotate([1, 0, 0], 90)
     return {"type": "envmap", "bitmap": mi.Bitmap(picture.copy()), "to_world": upright}
+
+
+def _far_disc(disc: Disc) -> dict:
+    """The sun as a luminous disk, so far that it stands in one direction from all sensors."""
+    import mitsuba as mi
+
+    toward = np.array(direction(disc.altitude, disc.azimuth))
+    radius = FAR * np.tan(np.radians(disc.radius))
+    at = mi.ScalarTransform4f().look_at(origin=FAR * toward, target=[0, 0, 0], up=[0, 0, 1])
+    level = 1.0 / (np.pi * np.sin(np.radians(disc.radius)) ** 2)
+    return {
+        "type": "disk",
+        "to_world": at @ mi.ScalarTransform4f().scale([radius, radius, 1.0]),
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": float(level)}},
+    }
 
 
 def _shape(body: Body) -> dict:

@@ -1,4 +1,8 @@
-"""Patchlight in this process."""
+"""Patchlight in this process: the whole simulation where anything reflects, else straight light.
+
+Straight light of sources is form factors alone; that of sky and sun what a simulation finds of them
+at its sensors, without its elements.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from case import Body, Case, OurSetting
 from patchlight.solver import point_form_factors
-from patchlight.solver.model import BLACK, CIESky, Luminaire, Material, PatchSet, SceneData, Sensors
+from patchlight.solver.model import (
+    BLACK,
+    CIESky,
+    Luminaire,
+    Material,
+    PatchSet,
+    SceneData,
+    Sensors,
+    Sun,
+)
 from patchlight.solver.model.arrays import FloatArray
 from patchlight.solver.model.scene import ScenePart
 from patchlight.solver.prepared import forget
@@ -16,7 +29,7 @@ from tools import Run
 
 
 class Ours:
-    """Form factors where light only comes straight, else a whole simulation."""
+    """Straight light where nothing reflects, unless a setting asks for a whole simulation."""
 
     name = "patchlight"
 
@@ -35,32 +48,33 @@ class Ours:
     def settings(self, case: Case) -> tuple[OurSetting, ...]:
         if case.reflects:
             return case.patchlight
-        return (*case.patchlight, OurSetting(case.patchlight[-1].accuracy, new=True))
+        straight = [setting for setting in case.patchlight if not setting.whole]
+        return (*case.patchlight, OurSetting(straight[-1].accuracy, new=True))
 
     def prepare(self, case: Case, setting: OurSetting) -> float:
         """Make the patches, and compile the kernels on a few sensors; CPU seconds."""
         import dataclasses
 
         start = time.process_time()
-        if case.reflects:
+        if case.reflects or case.has_sky:
             self._scenes[case.name] = scene_data(case)
         else:
             self._lit[case.name] = Lit.of(case)
         few = slice(None, None, max(1, len(case.points) // 4))
         small = dataclasses.replace(case, points=case.points[few], normals=case.normals[few])
-        rough = max(setting.accuracy, 0.1)
-        if case.reflects:
-            _reflected(scene_data(small), rough)
+        rough = OurSetting(max(setting.accuracy, 0.1), whole=setting.whole)
+        if small.name in self._scenes:
+            _simulated(small, scene_data(small), rough)
         else:
-            self.run(small, OurSetting(rough))
+            self.run(small, rough)
         return time.process_time() - start
 
     def run(self, case: Case, setting: OurSetting) -> Run:
         if setting.new:
             forget()
         start = time.process_time()
-        if case.reflects:
-            values = _reflected(self._scenes[case.name], setting.accuracy)
+        if case.name in self._scenes:
+            values = _simulated(case, self._scenes[case.name], setting)
         else:
             values = self._lit[case.name].irradiance(case, setting.accuracy)
         return Run(values, time.process_time() - start)
@@ -127,7 +141,8 @@ def scene_data(case: Case) -> SceneData:
         faces=(),
         materials=tuple(Material(level) for level in levels),
         luminaires=tuple(lamps),
-        sky=_sky(case, zenith[0]) if zenith else None,
+        sky=_sky(case, zenith[0]) if zenith and case.disc is None else None,
+        sun=_sun(case),
         ground=None,
         sensors=(Sensors("sensors", case.points, case.normals),),
     )
@@ -147,8 +162,30 @@ def _part(item: tuple[int, Body]) -> tuple[int, int]:
     return (body.solid, 0) if body.solid >= 0 else (-1, k)
 
 
-def _reflected(scene: SceneData, accuracy: float) -> FloatArray:
+def _sun(case: Case) -> Sun | None:
+    if case.disc is None:
+        return None
+    disc = case.disc
+    return Sun(disc.altitude, disc.azimuth, 1.0, angular_radius_arcmin=60.0 * disc.radius)
+
+
+def _simulated(case: Case, scene: SceneData, setting: OurSetting) -> FloatArray:
+    if not (case.reflects or setting.whole):
+        return _daylight(scene, setting.accuracy)
     from patchlight.pipeline import simulate
 
-    result = simulate(scene, accuracy=accuracy, cache=False)
+    result = simulate(scene, accuracy=setting.accuracy, cache=False)
     return result.sensors["sensors"].illuminance_lx
+
+
+def _daylight(scene: SceneData, accuracy: float) -> FloatArray:
+    """Straight light of sky and sun at the sensors, as a simulation finds it, and no other. [lx]"""
+    from patchlight.solver.model.result import luminous
+    from patchlight.solver.simulation import Options, Simulation
+    from patchlight.solver.stages import Stages
+    from patchlight.solver.surfaces import Receivers
+
+    simulation = Simulation(scene, accuracy, "auto", Stages(), Options())
+    solver, _ = simulation.start()
+    light = solver.outside(Receivers.of_sensors(scene.sensors[0]), simulation.budget)
+    return np.asarray(luminous(sum(light.direct.values())))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from case import Case, RadianceSetting
+from case import Case, Disc, RadianceSetting
 from patchlight.solver.model.sky import direction
 from radiance_scene import polygon_text
 from tools import Missing, Run
@@ -76,6 +76,8 @@ def scene_text(case: Case, cut: tuple[int, int]) -> str:
             lines.append(f"{pattern} light m{k} 0 0 3 {level} {level} {level}")
             lines += polygon_text(f"m{k}", f"b{k}", rings)
             continue
+        if body.sky:
+            continue  # open: the sun's disc shines through it
         rho = f"{body.reflectance:.9g}"
         lines.append(f"void plastic m{k} 0 0 5 {rho} {rho} {rho} 0 0")
         if primitive is None:
@@ -84,7 +86,30 @@ def scene_text(case: Case, cut: tuple[int, int]) -> str:
             kind, numbers = primitive
             text = " ".join(f"{x:.10g}" for x in np.asarray(numbers))
             lines.append(f"m{k} {kind} b{k} 0 0 {len(numbers)} {text}")
+    if case.disc is not None:
+        lines += _suns(case.disc, cut)
     return "\n".join(lines) + "\n"
+
+
+def _suns(disc: Disc, cut: tuple[int, int]) -> list[str]:
+    """The sun's disc as many small ones in the pattern of a sunflower."""
+    count = cut[0] * cut[1]
+    toward = np.array(direction(disc.altitude, disc.azimuth))
+    across = np.cross(toward, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    upward = np.cross(across, toward)
+    # Evenly over the disc projected onto the plane that faces it, which adds up to 1 lx there.
+    sine = np.sin(np.radians(disc.radius)) * np.sqrt((np.arange(count) + 0.5) / count)
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+    # Radiance takes the solid angle of a source from its angle, rim to rim.
+    part = 2.0 * disc.radius / np.sqrt(count)
+    level = 1.0 / (2.0 * np.pi * (1.0 - np.cos(0.5 * np.radians(part))) * count)
+    lines = [f"void light sun 0 0 3 {level:.12g} {level:.12g} {level:.12g}"]
+    for radius, turn in zip(sine, angle, strict=True):
+        away = radius * (np.cos(turn) * across + np.sin(turn) * upward)
+        x, y, z = away + np.sqrt(1.0 - radius**2) * toward
+        lines.append(f"sun source s{len(lines)} 0 0 4 {x:.12g} {y:.12g} {z:.12g} {part:.12g}")
+    return lines
 
 
 def _luminance(case: Case) -> str:
