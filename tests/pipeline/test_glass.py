@@ -202,8 +202,9 @@ def test_light_adds_up():
         found.append(simulate(scene, accuracy=0.5).sensors["points"].components)
     for name in found[0]:
         times = 2.0 if name.startswith("sky") else 1.0
-        # Each group is solved to 1e-4 of the accuracy.
-        np.testing.assert_allclose(found[1][name], times * found[0][name], rtol=1e-4)
+        # All light together decides at which elements that are hidden in part is looked: to a
+        # hundredth of the accuracy.
+        np.testing.assert_allclose(found[1][name], times * found[0][name], rtol=5e-3)
 
 
 @pytest.mark.parametrize("diffuse", [0.0, 0.4, 1.0])

@@ -321,7 +321,7 @@ def test_scene_file_knows_states(tmp_path):
 
 @pytest.fixture
 def step_room(tmp_path, monkeypatch):
-    """A box of air with a window in its south wall, 2 mm deep."""
+    """A room with a window in its south wall, and a blind that leaves 20 cm of it free."""
     cq = pytest.importorskip("cadquery")
     monkeypatch.chdir(tmp_path)
     walls = cq.Workplane().box(4400, 4400, 3200)
@@ -329,7 +329,7 @@ def step_room(tmp_path, monkeypatch):
     walls = walls.cut(cq.Workplane().box(2000, 400, 1200).translate((0, -2100, 200)))
     made = cq.Assembly(name="room")
     made.add(walls, name="walls")
-    made.add(cq.Workplane().box(2000, 10, 1200).translate((0, -2150, 200)), name="blind")
+    made.add(cq.Workplane().box(1800, 10, 1200).translate((0, -2150, 200)), name="blind")
     made.export(str(tmp_path / "room.step"))
     return tmp_path
 
