@@ -50,7 +50,8 @@ class HalfHidden:
 
     @cached_property
     def _tree(self) -> Tree:
-        return Tree(*RayCaster(self.scene.without_panes.patches).arrays)
+        patches = self.scene.without_panes.patches
+        return Tree(*self.kept.find("rays", (), lambda: RayCaster(patches).arrays))
 
     def add(
         self,

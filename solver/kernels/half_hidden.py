@@ -14,7 +14,7 @@ import numpy as np
 from .bvh import STACK, trace_ray
 from .compiled import lean, parallel
 from .ray_patch import MISS, WORK
-from .spread import exchange
+from .spread import point_exchange
 
 #: Distance over radius from which the Gauss points tell the form factor of an element: to 1e-4.
 FAR = 1.0
@@ -68,19 +68,9 @@ def _note(p, j, seen, found):
 @lean
 def _find_kernel(x, n, j, sources, kernel):
     """Form factors of the Gauss points of element ``j`` into ``kernel``; returns their sum."""
-    total, origin = 0.0, sources.edge_origin
+    total = 0.0
     for k in range(kernel.shape[0]):
-        value = exchange(
-            x,
-            n,
-            sources.area_point[0, j, k] + origin[0],
-            sources.area_point[1, j, k] + origin[1],
-            sources.area_point[2, j, k] + origin[2],
-            sources.area_normal[0, j, k],
-            sources.area_normal[1, j, k],
-            sources.area_normal[2, j, k],
-        )
-        kernel[k] = value / math.pi
+        kernel[k] = point_exchange(x, n, j, k, sources) / math.pi
         total += kernel[k]
     return total
 

@@ -101,22 +101,28 @@ def _from_nodes(x, n, first, last, basis, moments):
 
 
 @lean
+def point_exchange(x, n, j, g, sources):
+    """`exchange` with what Gauss point ``g`` of element ``j`` stands for."""
+    origin = sources.edge_origin
+    return exchange(
+        x,
+        n,
+        sources.area_point[0, j, g] + origin[0],
+        sources.area_point[1, j, g] + origin[1],
+        sources.area_point[2, j, g] + origin[2],
+        sources.area_normal[0, j, g],
+        sources.area_normal[1, j, g],
+        sources.area_normal[2, j, g],
+    )
+
+
+@lean
 def _from_points(x, n, j, sources, at, count, moments):
     """Moments from the Gauss points of the element."""
-    origin = sources.edge_origin
     for k in range(count):
         moments[k] = 0.0
     for g in range(at.shape[0]):
-        value = exchange(
-            x,
-            n,
-            sources.area_point[0, j, g] + origin[0],
-            sources.area_point[1, j, g] + origin[1],
-            sources.area_point[2, j, g] + origin[2],
-            sources.area_normal[0, j, g],
-            sources.area_normal[1, j, g],
-            sources.area_normal[2, j, g],
-        )
+        value = point_exchange(x, n, j, g, sources)
         if value > 0.0:
             for k in range(count):
                 moments[k] += at[g, k] * value
