@@ -81,8 +81,10 @@ def default_grid(data: SceneData, void: PatchSet | None) -> tuple[dict[str, Any]
 def covered_areas(view: PlanView, rows: np.ndarray) -> FloatArray:
     """Area of each face that has a ceiling, of its flat upward patches ``rows``. [m²]
 
-    A ceiling is what stands straight above, high enough for a room: see `LOWEST_ROOM`.
+    A ceiling is what stands straight above, high enough for a room: see `LOWEST_ROOM`. What lies
+    inside another solid has none.
     """
+    from patchlight.solver.containment import inside_solids
     from patchlight.solver.raycast import RayCaster
 
     t = (np.arange(SAMPLES) + 0.5) / SAMPLES
@@ -91,7 +93,8 @@ def covered_areas(view: PlanView, rows: np.ndarray) -> FloatArray:
     points = some.evaluate(u, v).reshape(-1, 3)
     up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
     above = RayCaster(view.patches).first_hit(points, up, t_min=1e-6 * view.size).t
-    above = above.reshape(len(rows), -1)
+    inside = np.asarray(inside_solids(view.data, points + 1e-6 * view.size * up), dtype=bool)
+    above = np.where(inside, np.inf, above).reshape(len(rows), -1)
     area, face_of = some.areas(), view.patches.face_index
     whole = np.bincount(face_of[rows], weights=area, minlength=int(face_of.max()) + 1)
     least = LOWEST_ROOM * np.sqrt(whole[face_of[rows]])[:, None]
