@@ -125,7 +125,7 @@ class Incidence:
         self.bands = scene.bands
         self.colors = LightColors(scene, self.bands)
         self.lamp_groups = list(dict.fromkeys(lamp.group for lamp in scene.luminaires))
-        self.webs = WebField(scene, blockers, panes, trace=trace, stages=stages)
+        self.webs = WebField(scene, blockers, panes, trace=trace, stages=stages, kept=kept)
         self.uneven = UnevenField(scene, blockers, panes, trace=trace, stages=stages)
         self.horizon = Horizon(blockers, trace=trace)
         self.disc = DiscLight(blockers, trace=trace)

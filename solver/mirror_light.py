@@ -169,9 +169,9 @@ class MirrorLight(Mirrors):
                 if seen is None:
                     continue
                 plain, _ = self.factors(window, seen.images, seen.parts, asked, fine, hiding=False)
-                found = lamp.light(
-                    seen.images, seen.parts, seen.factors, seen.variances, plain, coarse=not fine
-                )
+                shown = seen.factors > 0.0
+                views = lamp.views(seen.images, seen.parts, shown, plain, coarse=not fine)
+                found = views.light(lamp.luminaire.flux_lm, seen.factors, seen.variances, plain)
                 added = np.zeros_like(light.direct[group])
                 added[seen.looking] = window.share * found.illuminance[:, None] * color
                 light.direct[group] = light.direct[group] + added

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exchange import Rows
+from .kept_webs import kept_by_rows
 from .kernels.pyramid import Blockers
 from .light_colors import lamp_color
 from .model.arrays import FloatArray, IntArray
@@ -18,12 +19,13 @@ from .model.elements import Elements
 from .model.result import Balance
 from .model.scene import SceneData
 from .pane_field import PaneField
+from .reuse import Kept, tolerances
 from .row_finder import Ask
 from .stages import Stages
 from .surfaces import Receivers, Surfaces
 from .topology import bounding_spheres
 from .web_ledger import with_webs
-from .web_light import WebLight
+from .web_light import WebLight, WebViews
 from .webs import LEVELS, Known, WebLamp
 
 #: Standard deviation by partly hidden elements that may stay at sensors, against the accuracy, and
@@ -53,6 +55,8 @@ class WebField:
         Whether anything can hide anything.
     stages : Stages
         Receives times and counters.
+    kept : Kept
+        What runs before this one have found.
     """
 
     def __init__(
@@ -63,9 +67,10 @@ class WebField:
         *,
         trace: bool,
         stages: Stages,
+        kept: Kept,
     ) -> None:
         self.scene, self.blockers, self.trace, self.stages = scene, blockers, trace, stages
-        self.panes = panes
+        self.panes, self.kept = panes, kept
         lamps = enumerate(scene.luminaires)
         self._rows = [row for row, lamp in lamps if lamp.web is not None and lamp.flux_lm > 0.0]
         self._lamps: dict[float, list[WebLamp]] = {}
@@ -139,53 +144,108 @@ class WebField:
         self, lamp: WebLamp, rows: Rows, surfaces: Surfaces, asked: Ask, areas: FloatArray | None
     ) -> WebLight:
         """Direct light of one lamp: traced anew at sensors, elsewhere by the rows there are."""
-        budget, receivers, fine = asked.budget, asked.receivers, areas is None
+        own = np.flatnonzero(surfaces.lamp == lamp.row)
+        elements = surfaces.elements.take(own)
+        seen = np.asarray(rows.factors[:, own]), np.asarray(rows.variances[:, own])
+        if self.trace and areas is None and not self.panes.any:
+            # Panes dim the rows there are; what is traced anew knows nothing of them.
+            return self._traced(lamp, asked, elements, *seen)
+        return self._by_rows(lamp, asked, surfaces, elements, *seen, areas)
+
+    def _of(self, lamp: WebLamp, asked: Ask, elements: Elements) -> tuple[Any, ...]:
+        """What light of a lamp depends on for all receivers."""
+        return lamp.row, lamp.web, elements.nets, tolerances(asked.budget), asked.fine
+
+    def _eps(self, asked: Ask) -> float:
+        return asked.budget.fine_eps if asked.fine or not self.trace else asked.budget.eps
+
+    def _traced(
+        self,
+        lamp: WebLamp,
+        asked: Ask,
+        elements: Elements,
+        factors: NDArray[np.floating],
+        variances: NDArray[np.floating],
+    ) -> WebLight:
+        """Light of one lamp at sensors, by rows that are found for it.
+
+        Sensors that see all of its ``elements`` as before, by ``factors`` (m, k), see it as before.
+        """
+        budget, flux = asked.budget, lamp.luminaire.flux_lm
+        cell_eps = budget.lamp_cell_eps * self._coarser(lamp)
         how: dict[str, Any] = {
-            "eps": budget.fine_eps if asked.fine or not self.trace else budget.eps,
-            "cell_eps": budget.lamp_cell_eps * self._coarser(lamp),
+            "eps": self._eps(asked),
+            "cell_eps": cell_eps,
             "count": self.stages.count,
         }
-        # Panes dim the rows there are; what is traced anew knows nothing of them.
-        if self.trace and fine and not self.panes.any:
-            return lamp.refined(
+
+        def find(some: IntArray) -> WebLight:
+            receivers = asked.receivers.take(some)
+            light = lamp.traced(receivers, self.blockers, budget.divisions, **how)
+            found = lamp.refined(
                 receivers,
-                lamp.traced(receivers, self.blockers, budget.divisions, **how),
+                light,
                 self.blockers,
                 budget.divisions,
                 accuracy=PARTLY * budget.accuracy,
                 cuts=CUTS,
                 **how,
             )
-        own = np.flatnonzero(surfaces.lamp == lamp.row)
-        elements = surfaces.elements.take(own)
-        plain = lamp.plain_factors(receivers, elements, self.blockers, eps=how["eps"])
-        plain = np.asarray(self.panes.left_of(plain, asked, elements))
-        light = lamp.light(
-            receivers,
-            elements,
-            rows.factors[:, own],
-            rows.variances[:, own],
-            plain,
-            coarse=not fine,
-            levels=LEVELS if fine else LEVELS_COARSE,
-        )
+            return found.times(1.0 / flux)
+
+        of, told = self._of(lamp, asked, elements), (*_places(asked.receivers), factors, variances)
+        return kept_by_rows(self.kept, of, told, find, cell_eps).times(flux)
+
+    def _by_rows(
+        self,
+        lamp: WebLamp,
+        asked: Ask,
+        surfaces: Surfaces,
+        elements: Elements,
+        factors: NDArray[np.floating],
+        variances: NDArray[np.floating],
+        areas: FloatArray | None,
+    ) -> WebLight:
+        """Light of one lamp by what is seen of its ``elements``, ``factors`` (m, k)."""
+        receivers, flux = asked.receivers, lamp.luminaire.flux_lm
+        of = self._of(lamp, asked, elements)
+        coarse, levels = areas is not None, LEVELS if areas is None else LEVELS_COARSE
+        wanted = factors > 0.0
+
+        def find(some: IntArray) -> WebViews:
+            here = receivers.take(some)
+            plain = lamp.plain_factors(here, elements, self.blockers, eps=self._eps(asked))
+            return lamp.views(here, elements, wanted[some], plain, coarse=coarse, levels=levels)
+
+        told = *_places(receivers), wanted
+        views = kept_by_rows(self.kept, (*of, receivers.own, coarse, levels), told, find)
+        plain = np.asarray(self.panes.left_of(views.plain, asked, elements))
+        light = views.light(flux, factors, variances, plain)
         if areas is None:
             return light
         for some, dense in _denser(lamp, surfaces.elements, elements):
             share = _Shares.of(receivers.own, areas, some)
             if not len(share.rows):
                 continue
-            better = lamp.light(
-                dense.take(share.groups),
-                elements,
-                share.means(rows.factors[np.ix_(share.rows, own)]),
-                share.means(rows.variances[np.ix_(share.rows, own)]),
-                share.means(plain[share.rows]),
-                coarse=True,
-                levels=LEVELS_DENSE,
-            )
+            at = dense.take(share.groups)
+            means = [share.means(a[share.rows]) for a in (factors, variances, plain)]
+            lit = means[0] > 0.0
+
+            def look(few: IntArray, at: Receivers = at, lit: NDArray[np.bool_] = lit) -> WebViews:
+                nothing = np.empty((len(few), 0))
+                return lamp.views(
+                    at.take(few), elements, lit[few], nothing, coarse=True, levels=LEVELS_DENSE
+                )
+
+            told = *_places(at), lit
+            better = kept_by_rows(self.kept, (*of, at.own), told, look).light(flux, *means)
             light = light.put(share.rows, share.with_means(light.take(share.rows), better))
         return light
+
+
+def _places(receivers: Receivers) -> tuple[NDArray[Any], ...]:
+    """What tells where receivers (m,) are."""
+    return receivers.nodes, receivers.normals, receivers.weights, receivers.patches
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,6 +24,8 @@ from .webs import WebLamp
 
 #: Rays from a lamp alone, and from each of many; rays at a time; nodes a direction on each patch.
 RAYS, _LEAST_RAYS, _BLOCK, _NODES = 1 << 14, 1 << 11, 1 << 16, 8
+#: Share of an area that its quadrature may lack though none of it is buried.
+ROUNDING = 1e-9
 #: Distance of a ray's start from the face it leaves, relative to the scene.
 _START = 1e-7
 #: Steps of a sequence that fills a square evenly: powers of 1/g, g³ = g + 1.
@@ -82,6 +84,7 @@ class Faces:
     def of(cls, elements: Elements) -> Faces:
         points, vectors = area_points(elements.nets, _NODES)
         kept = np.where(elements.buried, 0.0, elements.weights).sum(axis=1) / elements.areas
+        kept[kept > 1.0 - ROUNDING] = 1.0
         return cls(points.reshape(-1, 3), vectors.reshape(-1, 3), np.repeat(kept, points.shape[1]))
 
     def shown(self, directions: FloatArray) -> FloatArray:

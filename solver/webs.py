@@ -24,7 +24,7 @@ from .model.elements import Elements
 from .model.scene import SceneData
 from .surfaces import Receivers
 from .topology import bounding_spheres, writable
-from .web_light import WebLight, WebPieces
+from .web_light import WebLight, WebPieces, WebViews
 from .web_shape import WebShape, web_directions
 
 #: Cells of the quadrature over a lamp span at most that many steps of its web, which their points
@@ -37,8 +37,6 @@ _SHARE, _COARSE = 0.03, 10.0
 LEVELS = 8
 #: Pieces of a lamp beyond which it is not cut finer.
 _MOST_PIECES = 4096
-#: Share of an element that may be hidden without mention: below it is quadrature.
-_WHOLE = 2e-3
 #: `kernels.rows.how_to_see` asks a twentieth of the digits of the hemisphere; and what is enough.
 _DIGITS, _LEAST_EPS = 20.0, 1e-11
 #: Change of the intensity between neighbouring angles, against the largest, that makes a web sharp.
@@ -122,36 +120,30 @@ class WebLamp:
         luminances(self.tables, writable(directions), out)
         return out
 
-    def light(
+    def views(
         self,
         receivers: Receivers,
         elements: Elements,
-        factors: NDArray[np.floating],
-        variances: NDArray[np.floating],
+        wanted: NDArray[np.bool_],
         plain: NDArray[np.floating],
         *,
         coarse: bool = False,
         levels: int = LEVELS,
-    ) -> WebLight:
-        """Light on m receivers by the form factors (m, k) of the lamp's elements.
+    ) -> WebViews:
+        """How m receivers see those of the lamp's k elements that are ``wanted`` (m, k).
 
-        ``variances`` are theirs, and ``plain`` what they were if nothing were in the way;
-        ``coarse`` is for receivers whose nodes and neighbours average the error, and ``levels`` is
-        how often an element is quartered at most.
+        ``plain`` is kept with it; ``coarse`` is for receivers whose nodes and neighbours average
+        the error, and ``levels`` is how often an element is quartered at most.
         """
         from .kernels.threads import count_threads
 
         pieces = WebPieces.of(elements.nets)
-        factors, variances, plain = (
-            np.asarray(a, dtype=np.float64) for a in (factors, variances, plain)
-        )
-
-        found = np.empty((*factors.shape, 4))
+        found = np.empty((*wanted.shape, 4))
         web_rows(
             writable(receivers.nodes),
             writable(receivers.normals),
             writable(receivers.weights),
-            np.asarray(factors > 0.0),
+            wanted,
             self.tables,
             writable(pieces.nets),
             writable(pieces.spheres),
@@ -163,20 +155,11 @@ class WebLamp:
             count_threads(),
             found,
         )
-        view = found[..., VIEW]
+        view, flux = found[..., VIEW], self.luminaire.flux_lm
         known = view > 0.0
         level = np.where(known, math.pi * found[..., LIGHT] / np.where(known, view, 1.0), 0.0)
-        share = np.clip(factors / np.where(plain > 0.0, plain, np.inf), 0.0, 1.0)
-        share[share > 1.0 - _WHOLE] = 1.0
-        # The means of seen and hidden parts differ by no more than the span; half of it is taken
-        # for a standard deviation.
         span = np.where(known, found[..., MOST] - np.where(known, found[..., LEAST], 0.0), 0.0)
-        partly = 0.5 * math.pi * plain * share * (1.0 - share) * span
-        return WebLight(
-            (factors * level).sum(axis=1),
-            (variances * level**2).sum(axis=1) + (partly**2).sum(axis=1),
-            np.sqrt((partly**2).sum(axis=1)),
-        )
+        return WebViews(level / flux, span / flux, plain)
 
     def traced(
         self,
@@ -207,7 +190,8 @@ class WebLamp:
         rows = self._rows(receivers, elements, blockers, eps, cell_eps)
         count({"web_rows_traced": len(rows.factors), **rows.counters})
         plain = self._rows(receivers, elements, blockers, eps, cell_eps, trace=False).factors
-        return self.light(receivers, elements, rows.factors, rows.variances, plain)
+        views = self.views(receivers, elements, rows.factors > 0.0, plain)
+        return views.light(self.luminaire.flux_lm, rows.factors, rows.variances, plain)
 
     def plain_factors(
         self, receivers: Receivers, elements: Elements, blockers: Blockers, *, eps: float

@@ -1,10 +1,10 @@
 """What a change costs after a first run: seconds, and shares of the time of a full run.
 
-    python tests/benchmarks/reuse.py -o FOLDER [--accuracy 0.1] [--demo conference]
+    python tests/benchmarks/reuse.py -o FOLDER [--accuracy 0.1] [--demo conference] [--webs]
 
 solves a demo room, then paints, dims and relights it anew, and moves a chair, each time with what
 earlier runs have kept; and solves the same without, to compare. Prints a table and writes
-``reuse.json``. Pictures are left out.
+``reuse.json``. Pictures are left out. With ``--webs`` all lamps shine by a photometric web.
 """
 
 from __future__ import annotations
@@ -22,7 +22,15 @@ import numpy as np
 from patchlight.pipeline import load_scene
 from patchlight.pipeline.demo import write_demo
 from patchlight.solver import store
-from patchlight.solver.model import CIESky, Material, PatchSet, Result, SceneData
+from patchlight.solver.model import (
+    CIESky,
+    Material,
+    PatchSet,
+    Photometry,
+    Result,
+    SceneData,
+    Web,
+)
 from patchlight.solver.simulation import solve
 from report import machine
 
@@ -60,6 +68,15 @@ def with_chair_moved(scene: SceneData, part: str = "chair:3") -> SceneData:
     nets[own] = nets[own] @ offset.T
     moved = PatchSet(nets, patches.face_index, patches.part_index, patches.edge_index)
     return dataclasses.replace(scene, patches=moved)
+
+
+def with_webs(scene: SceneData) -> SceneData:
+    """All lamps shine downwards, with intensities of cos³ γ."""
+    gamma = np.arange(0.0, 91.0, 5.0)
+    row = np.maximum(np.cos(np.radians(gamma)), 0.0) ** 3
+    web = Web.aimed(Photometry([0.0, 360.0], gamma, [row, row]), (0, 0, -1), (1, 0, 0))
+    lamps = (dataclasses.replace(lamp, web=web, profile=None) for lamp in scene.luminaires)
+    return dataclasses.replace(scene, luminaires=tuple(lamps))
 
 
 CHANGES: dict[str, Callable[[SceneData], SceneData]] = {
@@ -126,14 +143,17 @@ def main() -> None:
     parser.add_argument("-o", "--out", type=Path, required=True)
     parser.add_argument("--accuracy", type=float, default=0.1)
     parser.add_argument("--demo", default="conference", choices=("conference", "office"))
+    parser.add_argument("--webs", action="store_true", help="lamps shine by photometric webs")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         scene = load_scene(write_demo(options.demo, Path(folder))).freeze()
     scene = dataclasses.replace(scene, cameras=())
+    scene = with_webs(scene) if options.webs else scene
     print(f"{'change':18}{'full':>10}{'again':>10}{'share':>12}{'difference / error':>20}")
     found = measure(scene, options.accuracy)
     options.out.mkdir(parents=True, exist_ok=True)
-    data = {"machine": machine(), "demo": options.demo, "accuracy": options.accuracy} | found
+    of = {"demo": options.demo, "webs": options.webs, "accuracy": options.accuracy}
+    data = {"machine": machine()} | of | found
     (options.out / "reuse.json").write_text(json.dumps(data, indent=1))
 
 
