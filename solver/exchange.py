@@ -89,6 +89,10 @@ class Rows:
         parts = (self.factors[rows], self.variances[rows], self.counters, self.outside[rows])
         return Rows(*parts, self.sums[rows])
 
+    def of_elements(self, some: IntArray) -> MatrixArray:
+        """Form factors (k, n) of whole elements in ``some`` rows (k,)."""
+        return np.asarray(self.factors[some])
+
     def put(self, rows: IntArray, other: Rows) -> None:
         """Replace some of them."""
         self.factors[rows], self.variances[rows] = other.factors, other.variances

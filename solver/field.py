@@ -218,6 +218,9 @@ class FieldSolver:
             )
             sent = system.solve(light.direct)
             indirect = {group: multiplied(factors, values) for group, values in sent.items()}
+            if budget.is_large and self.trace and sent:
+                of_rows = unknowns, rows, replace(asked, sources=every)
+                sent, indirect = self._half_hidden_put_right(system, sent, indirect, *of_rows)
         self.stages.figures["spectral_radius"] = system.radius
         self.stages.count({"matrix_products": system.products})
         exitance = surfaces.diffuse + sum(unknowns.mean(values) for values in sent.values())
@@ -239,6 +242,30 @@ class FieldSolver:
             averaged=averaged,
             deviation=deviation,
         )
+
+    def _half_hidden_put_right(
+        self,
+        system: RadiositySystem,
+        sent: dict[str, FloatArray],
+        indirect: dict[str, FloatArray],
+        unknowns: Unknowns,
+        rows: Rows,
+        asked: Ask,
+    ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """Reflected exitance and indirect light (N, b) of a mesh where hidden parts do not shine.
+
+        What that changes, by the light as it was, is one more source of it.
+        """
+        how = unknowns, rows, asked.receivers, asked.sources, asked.budget.moments
+        columns = np.concatenate([*indirect.values()], axis=1)
+        found = columns.copy()
+        self._half_hidden.add(found, *how, np.concatenate([*sent.values()], axis=1))
+        parts = np.split(found - columns, len(sent), axis=1)
+        more = dict(zip(sent, parts, strict=True))
+        for group, values in system.solve(more).items():
+            sent[group] = sent[group] + values
+            indirect[group] += more[group] + multiplied(system.factors, values)
+        return sent, indirect
 
     def finer(self, field: Field, budget: Budget, seen: list[SensorRows]) -> Finer:
         """Its light known more finely, where it matters for the sensors; see `iterated`."""

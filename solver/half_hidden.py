@@ -85,10 +85,14 @@ class HalfHidden:
         walls, light = walls_under(*at, sources.wall_spheres), writable(light)
         counters = np.zeros((len(out), 2), dtype=np.int64)
         known, parts, pairs = self.kept.sights(rows), [], 0
-        most = max(KEPT, int(KEPT_SHARE * rows.factors.size)) if self.kept.keeps(rows) else 0
+        most = (
+            max(KEPT, int(KEPT_SHARE * len(out) * unknowns.elements))
+            if self.kept.keeps(rows)
+            else 0
+        )
         for first in range(0, len(out), BLOCK):
             some = slice(first, min(first + BLOCK, len(out)))
-            factors = np.asarray(rows.factors[np.arange(some.start, some.stop)])
+            factors = rows.of_elements(np.arange(some.start, some.stop))
             before = _part(known, some)
             count = np.zeros(len(factors), dtype=np.int64)
             count_pairs(factors, which, off[which], least[some], before, count)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .exchange import Rows, products
 from .memory import BLOCK_BYTES, GB, PACKED_BYTES, PAIR_BYTES, packed_room
-from .model.arrays import FloatArray, MatrixArray
+from .model.arrays import FloatArray, IntArray, MatrixArray
 from .packed import GroupedVariances, PackedMatrix
 from .row_finder import Ask, RowFinder
 from .shared_rows import shared_rows
@@ -45,6 +45,12 @@ class PackedRows(Rows):
 
     def gather(self, light: FloatArray) -> FloatArray:
         return products(self.factors, light[self.unknowns.element])
+
+    def of_elements(self, some: IntArray) -> MatrixArray:
+        own, first = np.unique(self.unknowns.element, return_index=True)
+        out = np.zeros((len(some), self.unknowns.elements), dtype=np.float32)
+        out[:, own] = np.add.reduceat(cast(Any, self.factors).take(some), first, axis=1)
+        return out
 
     def variance_of(self, light: FloatArray) -> FloatArray:
         return self.grouped.of(light)
