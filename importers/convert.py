@@ -25,6 +25,7 @@ from .moments import vector_areas
 from .planar_domain import enclosed_area, planar_domain
 from .quadrangulate import STRICT, cells_of
 from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle
+from .strips import strips
 from .surfaces import Plane, SplineSurface, Surface
 
 #: Relative error below which a measured quantity counts as rounding.
@@ -321,7 +322,7 @@ def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN) -> Run:
             if box is not None:
                 cells = grid_cells(surface, box, domain.scale)
                 break
-            cells = _cells(domain, attempt, thin=thin)
+            cells = strips(_cells(domain, attempt, thin=thin), domain.chord)
         except GeometryError as error:
             reason = reason or str(error)
             continue
