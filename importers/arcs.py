@@ -279,10 +279,10 @@ class EdgeArc(Arc):
             # Parts stay whole: cut at the joint next to the middle.
             joints = [p[0] for p in self.parts[1:]]
             at = min(joints, key=lambda s: abs(s - 0.5))
-            return self._between(0.0, at), self._between(at, 1.0)
+            return self.part(0.0, at), self.part(at, 1.0)
         return self._half(0), self._half(1)
 
-    def _between(self, a: float, b: float) -> EdgeArc:
+    def part(self, a: float, b: float) -> EdgeArc:
         """The arc over [a, b] of s where it is several parts, which are polynomials."""
         parts: list[Part] = []
         for p, q, net in self.parts:
@@ -313,7 +313,7 @@ class EdgeArc(Arc):
         if a < NEAR and b > 1.0 - NEAR:
             return self
         if self.net is None:
-            return self._between(a, b)
+            return self.part(a, b)
         ends = (self.parameter(np.array([0.0, 1.0])) - self.side.offset) / self.side.rate
         m, s = self.run, []
         for share in (a, b):

@@ -34,6 +34,12 @@ class Boxes:
         s0, s1, t0, t1 = self.box.T
         return np.stack([t0 == 0.0, s1 == 1.0, t1 == 1.0, s0 == 0.0], axis=1)
 
+    @property
+    def area(self) -> FloatArray:
+        """Share (n,) of the unit square of their cells."""
+        s0, s1, t0, t1 = self.box.T
+        return np.asarray((s1 - s0) * (t1 - t0))
+
     def take(self, rows: IntArray | BoolArray | slice) -> Boxes:
         """Some of the boxes."""
         return Boxes(self.cell[rows], self.box[rows], self.before[rows], self.vain[rows])

@@ -67,6 +67,9 @@ def main(argv: list[str]) -> int:
 
     request, answer = json.loads(Path(argv[0]).read_text(encoding="utf-8")), Path(argv[1])
     if request["memory"] is not None:
+        # Modules that find no memory while they load fail with errors of any kind.
+        from . import assemble, occurrences, xcaf  # noqa: F401
+
         limit_memory(request["memory"])
     try:
         model, _ = read(request)

@@ -7,6 +7,7 @@ References
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,9 @@ _DERIVATIVE = (
 ) @ np.linalg.inv(_POWERS)
 _INTEGRAL = (1.0 / np.arange(1, 8)) @ np.linalg.inv(_POWERS)
 TINY = 1e-300
+#: Turn of a surface within the tolerance above which it has no normal there [rad]: that of a radius
+#: of twice the tolerance.
+CREASE = 0.5
 _AREA = np.outer(_INTEGRAL, _INTEGRAL).ravel()
 
 
@@ -37,8 +41,8 @@ class Asked:
     """What is asked of each of some patches: arrays (n,).
 
     ``tolerance`` [file units] and ``angle_deg`` of the normal, ``area_limit`` relative, ``scale``
-    the size of |S_u| |S_v|, and ``leans_deg`` by which normals lean over where the surface moves to
-    its edges.
+    the size of |S_u| |S_v|, ``leans_deg`` by which normals lean over where the surface moves to its
+    edges, and ``least`` the Jacobian of a patch up to which its normals do not count.
     """
 
     tolerance: FloatArray
@@ -46,12 +50,13 @@ class Asked:
     area_limit: FloatArray
     scale: FloatArray
     leans_deg: FloatArray
+    least: FloatArray
 
     def take(self, rows: IntArray) -> Asked:
         """Of some of the patches, or of faces for each patch of theirs."""
         return Asked(
             self.tolerance[rows], self.angle_deg[rows], self.area_limit[rows], self.scale[rows],
-            self.leans_deg[rows],
+            self.leans_deg[rows], self.least[rows],
         )  # fmt: skip
 
 
@@ -59,14 +64,15 @@ class Asked:
 class Found:
     """Errors (n, 4): distance, angle [deg], area and its error; which patches are good enough.
 
-    ``split`` (n,) says how to halve the others: in s (1), t (2) or both (3); ``over`` in which
-    directions the tolerance is missed.
+    ``jacobian`` (n,) is the largest of each patch. ``split`` (n,) says how to halve those that are
+    not: in s (1), t (2) or both (3); ``over`` in which directions the tolerance is missed.
     """
 
     errors: FloatArray
     split: IntArray
     over: IntArray
     kept: BoolArray
+    jacobian: FloatArray
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -91,6 +97,20 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
 def _worst(a: FloatArray) -> FloatArray:
     """Largest value (n,) of each of (n, i, j)."""
     return np.asarray(a.max(axis=(1, 2)))
+
+
+def _creased(points: FloatArray, normals: FloatArray, tolerance: FloatArray) -> BoolArray:
+    """Points (n, 7, 7) of a surface with unit ``normals`` at which it is too sharp to have one.
+
+    There its normal is another by more than `CREASE` at a point within the tolerance (n,): a fold
+    or cusp, or a radius under twice the tolerance. No patch that may be off by that much has a
+    normal to be compared.
+    """
+    n = len(points)
+    p, m = points.reshape(n, 49, 3), normals.reshape(n, 49, 3)
+    near = length(p[:, None] - p[:, :, None]) <= tolerance[:, None, None]
+    turned = m @ m.swapaxes(1, 2) < math.cos(CREASE)
+    return np.asarray((near & turned).any(axis=2).reshape(n, 7, 7))
 
 
 def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) -> Found:
@@ -122,6 +142,11 @@ def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) 
     normal = cross(ps, _DERIVATIVE @ p)
     wanted = length(normal)
     tolerance, limit = asked.tolerance[:, None, None], asked.angle_deg[:, None, None]
+    missed = np.flatnonzero(_worst(angle) > asked.angle_deg)
+    if len(missed):
+        ok[missed] &= ~_creased(p[missed], n_face[missed], asked.tolerance[missed])
+        ok[missed] &= a[missed] > asked.least[missed, None, None]
+        angle = np.where(ok, angle, 0.0)
     # Where the surface was moved to its edges no halving brings its own normal back.
     bent = angle
     leans = asked.leans_deg[:, None, None]
@@ -152,10 +177,13 @@ def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) 
     split = np.where(
         over > 0, over, np.where(in_s > 4.0 * in_t, 1, np.where(in_t > 4.0 * in_s, 2, 3))
     )
+    # Halves of what is narrower than the tolerance say nothing new.
+    thin_s, thin_t = (_worst(length(d)) < asked.tolerance for d in (xs, xt))
+    split = np.where(thin_s & ~thin_t, 2, np.where(thin_t & ~thin_s, 1, split))
     errors = np.stack([distance.max(axis=(1, 2)), angle.max(axis=(1, 2)), area, excess], axis=1)
     extent = np.ptp(x.reshape(n, 49, 3), axis=1).max(axis=1)
     kept = _worst(measure) <= 1.0
     limited = np.isfinite(asked.area_limit)
     kept &= ~limited | (np.abs(excess) <= asked.area_limit * np.abs(area))
     kept |= (errors[:, 0] <= asked.tolerance) & (extent < 10.0 * asked.tolerance)
-    return Found(errors, split, over, kept)
+    return Found(errors, split, over, kept, a.max(axis=(1, 2)))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -25,6 +27,7 @@ from .moments import vector_areas
 from .planar_domain import enclosed_area, planar_domain
 from .quadrangulate import STRICT, cells_of
 from .rectangle import MANY_PATCHES, Rectangle, exact_spline, grid_cells, rectangle
+from .strips import strips
 from .surfaces import Plane, SplineSurface, Surface
 
 #: Relative error below which a measured quantity counts as rounding.
@@ -73,9 +76,28 @@ def convert_faces(
 
     Never raises for geometry: a face that cannot be converted has no patch and a reason.
     """
-    if len(raws) > TOGETHER:
-        blocks = (raws[k : k + TOGETHER] for k in range(0, len(raws), TOGETHER))
-        return [f for some in blocks for f in convert_faces(some, tolerance, angle_deg, size)]
+    out: list[FacePatches] = []
+    for k in range(0, len(raws), TOGETHER):
+        with _uncollected():
+            out += _convert_together(raws[k : k + TOGETHER], tolerance, angle_deg, size)
+    return out
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """No search for garbage in cycles: a face with many holes is of many objects, and of none."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _convert_together(
+    raws: Sequence[RawFace], tolerance: float, angle_deg: float, size: float
+) -> list[FacePatches]:
     out: dict[int, FacePatches] = {}
     runs = {i: _run(raw, tolerance, angle_deg, size) for i, raw in enumerate(raws)}
     answers: dict[int, Any] = dict.fromkeys(runs)
@@ -321,7 +343,7 @@ def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN) -> Run:
             if box is not None:
                 cells = grid_cells(surface, box, domain.scale)
                 break
-            cells = _cells(domain, attempt, thin=thin)
+            cells = strips(_cells(domain, attempt, thin=thin), domain.chord)
         except GeometryError as error:
             reason = reason or str(error)
             continue

@@ -56,6 +56,13 @@ def bends(a: Arc, b: Arc) -> bool:
     return abs(turn) <= NO_CORNER and a.polynomial and b.polynomial
 
 
+def bent(a: Arc, b: Arc) -> BentArc:
+    """Two arcs that are smooth in a row as one, which runs as fast along both."""
+    assert isinstance(a, EdgeArc) and isinstance(b, EdgeArc)
+    first, second = (float(np.hypot(*np.diff(x.samples, axis=0).T).sum()) for x in (a, b))
+    return BentArc(a, b, first / (first + second))
+
+
 def joined(arcs: list[Arc]) -> list[Arc]:
     """Arcs in which neighbours on one and the same approximated edge are one arc of many parts."""
     out: list[Arc] = []

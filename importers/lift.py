@@ -44,6 +44,9 @@ _CACHED_BOXES = 128
 #: halvings in vain.
 STUCK = 0.8
 IN_VAIN = 3
+#: Share of the largest Jacobian of a cell up to which normals do not count: where two of its sides
+#: leave a corner in one direction there is none, and next to no area.
+LEAST = 1e-3
 #: Rounds in which long sides are cut because short ones cannot follow them.
 MENDING = 6
 
@@ -88,13 +91,16 @@ class Lifted:
 @dataclass(slots=True)
 class _Job:
     """All faces of a batch: sides of their cells, what is asked of each face, which ones move, and
-    above how many boxes halving ends."""
+    above how many boxes halving ends.
+
+    ``widest`` (cells,) is the largest Jacobian of each cell so far."""
 
     sides: Sides
     asked: Asked
     moved: BoolArray
     eager: BoolArray
     most: IntArray
+    widest: FloatArray
 
     @classmethod
     def of(cls, tasks: Sequence[Task]) -> tuple[_Job, FloatArray]:
@@ -117,10 +123,11 @@ class _Job:
         asked = Asked(
             tolerance, angle,
             np.array([t.area_limit for t in tasks]), np.array(scale),
-            np.zeros(len(tasks)),
+            np.zeros(len(tasks)), np.zeros(len(tasks)),
         )  # fmt: skip
         most = np.maximum(MOST_BOXES, MOST_OF_CELL * np.bincount(face))
-        return cls(sides, asked, moved, np.array([t.eager for t in tasks]), most), gaps
+        eager = np.array([t.eager for t in tasks])
+        return cls(sides, asked, moved, eager, most, np.zeros(len(face))), gaps
 
     def faces(self, boxes: Boxes) -> IntArray:
         """Face of each box."""
@@ -131,6 +138,7 @@ class _Job:
         out = self.asked.take(self.faces(boxes))
         leans = np.degrees(self.sides.leans[boxes.cell])
         out.leans_deg = np.where(self.moved[self.faces(boxes)], leans, 0.0)
+        out.least = LEAST * self.widest[boxes.cell] * boxes.area
         return out
 
 
@@ -296,6 +304,7 @@ def _block(job: _Job, boxes: Boxes) -> _Level:
         nets[_side(some, k, 3)] = net
     _collapse(nets, sides, boxes)
     found = compared(nets, p, normals, job.asked_of(boxes))
+    np.maximum.at(job.widest, cell, found.jacobian / boxes.area)
     whole = across == 0
     split = np.where(whole, found.split, across | np.where(job.eager[face], found.over, 0))
     leaves = Leaves(boxes, nets, found.errors, p, normals)

@@ -21,7 +21,7 @@ from .cells import (
     side_samples,
     straight_quality,
 )
-from .joined_arcs import BentArc, bends
+from .joined_arcs import bends, bent
 from .triangulate import Pair, Triangle, border_of, clipped, flipped, nudged, settled
 
 ChordMaker = Callable[[FloatArray, FloatArray], Arc]
@@ -250,8 +250,6 @@ def _segment(sides: list[Arc]) -> Cell | None:
     for k in range(3):
         a, b, c = sides[k], sides[(k + 1) % 3], sides[(k + 2) % 3]
         if not isinstance(c, EdgeArc) and bends(a, b):
-            first, second = (float(np.hypot(*np.diff(x.samples, axis=0).T).sum()) for x in (a, b))
-            whole = BentArc(a, b, first / (first + second))  # type: ignore[arg-type]  # `bends`
-            cell = Cell((whole, None, c, None))
+            cell = Cell((bent(a, b), None, c, None))
             return cell if quality(samples_of([cell]))[0] > THIN else None
     return None

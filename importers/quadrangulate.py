@@ -1,8 +1,8 @@
 """Regions of the (u, v) domain cut into few well-shaped four-sided cells.
 
-A region with three or four corners is one cell and a smooth disc five; anything else goes through
-a constrained Delaunay triangulation whose triangles are paired, fewest partners first. A triangle
-left over is a cell with one collapsed side.
+A region with three or four corners is one cell, some with five are two, and a smooth disc five;
+anything else goes through a constrained Delaunay triangulation whose triangles are paired, fewest
+partners first. A triangle left over is a cell with one collapsed side.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from .arcs import Arc, EdgeArc, NetArc, corner_turns
 from .cells import Cell, quality, samples_of
 from .mesh import ChordMaker, Loop, Mesh
 from .pairing import PAIRED, THIN, Wanted, best_triangle, paired
+from .strips import joints, pieces
 from .together import rows_of
 from .triangulate import crossings, inside, overlapping
 
@@ -90,9 +91,33 @@ def _simple(loop: Loop, chord: ChordMaker, thin: float) -> list[Cell] | None:
             return [cell]
         if quality(samples_of([cell]))[0] > GOOD:
             return [cell]
+    if len(loop) == 5 and (turns > math.radians(25.0)).all():
+        two = _halved(loop, chord)
+        if two is not None:
+            return two
     if 4 <= len(loop) <= 8 and (np.abs(turns) < math.radians(30.0)).all():
         return _disc(loop, chord)
     return None
+
+
+def _halved(loop: Loop, chord: ChordMaker) -> list[Cell] | None:
+    """Five sides as two cells, cut from a corner to a joint of the side opposite to it.
+
+    Patches end at joints anyhow; None where there is none, or the cells are of bad shape.
+    """
+    options = []
+    for k in range(5):
+        a, b, opposite, c, d = (loop[(k + m) % 5] for m in range(5))
+        for s in joints(opposite):
+            assert isinstance(opposite, EdgeArc)
+            first, second = pieces(opposite, [s])
+            line = chord(first.end / first.scale, a.start / a.scale)
+            options.append((Cell((a, b, first, line)), Cell((line.reversed(), second, c, d))))
+    if not options:
+        return None
+    q = quality(samples_of([cell for two in options for cell in two])).reshape(-1, 2).min(axis=1)
+    best = int(q.argmax())
+    return list(options[best]) if q[best] > GOOD else None
 
 
 def _disc(loop: Loop, chord: ChordMaker) -> list[Cell] | None:

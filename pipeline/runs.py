@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from patchlight.solver.errors import InputError, MissingFileError
 from patchlight.solver.model import Result
 
 from .output import prepare_output
+from .remarks import model_warnings
 from .scene import Scene
 from .simulation import COMPILING, compiling_is_news, simulate, with_requirements
 
@@ -93,7 +94,8 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
         known = ", ".join((".toml", *STEP_SUFFIXES))
         raise InputError(f"{path}: neither a scene file nor a STEP file; known endings: {known}")
     accuracy = scene.accuracy if options.accuracy is None else options.accuracy
-    data = scene.freeze()
+    with _doubts_if_refused(model_warnings(scene), talk):
+        data = scene.freeze()
     for warning in data.warnings:
         talk.warn(warning)
     for note in data.notes:
@@ -139,6 +141,17 @@ def _run(path: Path, options: RunOptions, folder: Path, talk: Talk) -> Result:
     return result
 
 
+@contextlib.contextmanager
+def _doubts_if_refused(warnings: Iterable[str], talk: Talk) -> Iterator[None]:
+    """Say what is doubtful about models before their scene is refused, which may be why."""
+    try:
+        yield
+    except InputError:
+        for warning in warnings:
+            talk.warn(warning)
+        raise
+
+
 def _from_scene_file(
     path: Path, options: RunOptions, folder: Path, talk: Talk, *, model: Path | None = None
 ) -> tuple[Scene, str]:
@@ -180,7 +193,8 @@ def _from_step(path: Path, options: RunOptions, folder: Path, talk: Talk) -> tup
     given |= options.limits
     model = read_step(path, **given, cache=options.cache)
     _announce_kernels(talk)  # asking what lies inside a solid needs them
-    bare = bare_scene(model, path, up=options.up or "z", scale=options.scale or 1.0)
+    with _doubts_if_refused(model.warnings, talk):
+        bare = bare_scene(model, path, up=options.up or "z", scale=options.scale or 1.0)
     talk.note(f"{path.name}: no scene file, so it runs with defaults")
     for remark in bare.remarks:
         talk.note(f"  {remark}")

@@ -24,6 +24,7 @@ from patchlight.solver.model import (
     PatchSet,
     PatchSky,
     PerezSky,
+    Photometry,
     SceneData,
     Sensors,
     Site,
@@ -39,6 +40,7 @@ from .grids import SensorGrid
 from .patch_models import model_of_patches
 from .requirements import Requirement
 from .states import State, make_state
+from .webs import with_web
 
 COLORS = ("pictures", "reflectance")
 
@@ -166,6 +168,7 @@ class Scene:
         self.requirements: list[Requirement] = []
         self.states: dict[str, State] = {}
         self.notes: list[str] = []
+        self._webs: dict[tuple[str, str], Photometry] = {}
         self._sky: Sky | None = None
         self._sun: Sun | None = None
         self._ground: Ground | None = None
@@ -333,7 +336,7 @@ class Scene:
             Part path: ``*`` stays in a segment, ``**`` crosses; without ``/`` it is compared with
             the last segment of every path.
         what : Material, Glass, Emitter or Air
-            `Emitter.flux_lm` is the flux of each matched part.
+            `Emitter.flux_lm` is the flux of each matched part; a photometric file is read now.
         faces : str, optional
             ``up``, ``down``, ``vertical``, ``#7``, a name or colour of a face, or a CadQuery
             selector.
@@ -348,7 +351,8 @@ class Scene:
         Raises
         ------
         InputError
-            If nothing matches; the message names the three nearest paths.
+            If nothing matches; the message names the three nearest paths. If a photometric file is
+            not sound; it names file and line.
         """
         if not isinstance(what, Material | Glass | Emitter | Air):
             kind = type(what).__name__
@@ -359,6 +363,8 @@ class Scene:
             raise InputError(
                 f'assign {pattern!r}: faces = {faces!r}: expected a selector such as "up" or "#3"'
             )
+        if isinstance(what, Emitter):
+            what = with_web(what, self._webs)
         assignment = Assignment(pattern, what, faces, layer, color, frozenset(self.entries))
         count = sum(len(match.rows) for match in matched_faces(self.entries, assignment))
         self._declare_air(assignment)

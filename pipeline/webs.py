@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,18 +25,33 @@ TELL, REFUSE = 1e-3, 0.1
 _ALONG = 0.02
 
 
+def with_web(emitter: Emitter, known: dict[tuple[str, str], Photometry]) -> Emitter:
+    """The emitter with its photometric file read; equal webs of ``known`` are the same object.
+
+    Raises
+    ------
+    MissingFileError, InputError
+        As `read_photometry`.
+    """
+    if emitter.photometry is None or isinstance(emitter.photometry, Photometry):
+        return emitter
+    from patchlight.importers import read_photometry
+
+    read = read_photometry(emitter.photometry)
+    return replace(emitter, photometry=known.setdefault((read.source, read.sha256), read))
+
+
 class Webs:
-    """The webs of one scene; a file is read once."""
+    """The webs of one scene."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._read: dict[Path, Photometry] = {}
         self._placements = part_placements(scene)
 
     def web(self, part_row: int, path: str, emitter: Emitter) -> Web | None:
         """The web of a lamp in world axes, or None for a Lambertian one."""
-        if emitter.photometry is None:
-            return None
+        if not isinstance(emitter.photometry, Photometry):
+            return None  # none at all: files were read by `with_web`
         x, _, z = _own_axes(self._placements[part_row])
         aim = -z if emitter.aim is None else np.asarray(emitter.aim)
         c0 = emitter.c0
@@ -47,19 +62,9 @@ class Webs:
             c0 = x if np.sqrt(max(0.0, 1.0 - along**2)) > _ALONG else np.sign(along) * z
         try:
             turned = transformed_normals(self.scene.north, np.stack([aim, np.asarray(c0)]))
-            return Web.aimed(self._photometry(emitter.photometry), turned[0], turned[1])
+            return Web.aimed(emitter.photometry, turned[0], turned[1])
         except InputError as error:
             raise InputError(f"emitter of {path}: {error}") from None
-
-    def _photometry(self, given: Photometry | str | os.PathLike[str]) -> Photometry:
-        if isinstance(given, Photometry):
-            return given
-        from patchlight.importers import read_photometry
-
-        file = Path(given)
-        if file not in self._read:
-            self._read[file] = read_photometry(file)
-        return self._read[file]
 
 
 def _own_axes(placement: FloatArray) -> FloatArray:

@@ -68,7 +68,9 @@ class Face:
     patches : int
         Number of patches; 0 when the face failed.
     deviation_m, angle_deg : float
-        Largest distance [m] and normal deviation [deg] measured at check points.
+        Largest distance [m] and normal deviation [deg] measured at check points; normals do not
+        count where the surface itself turns by 0.5 rad within the tolerance (folds, cusps), nor
+        at corners where a patch has no area.
     area_m2, area_error : float
         Area of the patches [m²] and its relative difference to an independent integral
         (NaN when not checked).

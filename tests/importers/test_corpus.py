@@ -24,8 +24,9 @@ FILES = {
     "nist_ctc_04_asme1_ap242-e1.stp": 1e-4,
     "soft-drink-can.step": 1e-6,
 }
-#: A surface of nacelle turns over next to one point of its border: no patch has its normals there.
-TURNING = {"nacelle.stp"}
+#: Surfaces of nacelle turn over at a point of their border: normals do not count within 0.3 mm of
+#: it, and next to that thin patches beside each other lean. [deg]
+TURNING = {"nacelle.stp": 6.0}
 #: Patches of files with many trimmed splines, a fifth above what they take.
 MOST = {"boxed_sphere.step": 1900, "nacelle.stp": 1050, "nist_ctc_04_asme1_ap242-e1.stp": 1650}
 
@@ -40,7 +41,7 @@ def test_file(corpus, name):
     assert area == pytest.approx(facts["area_mm2"], rel=FILES[name])
     for f in model.faces:
         assert f.area_error < (1e-6 if f.exact else 1.01e-4), (f.number, f.kind)
-    assert c.max_angle_deg <= 1.0 or name in TURNING
+    assert c.max_angle_deg <= TURNING.get(name, 1.0)
     assert len(model.patches) <= MOST.get(name, len(model.patches))
     volume = 0.0
     for i, part in enumerate(model.parts):

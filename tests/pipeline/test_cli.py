@@ -248,3 +248,21 @@ def test_reading_has_limits(kind, limit, said, tmp_path, capsys):
     file = model if kind == "step" else scene
     assert main(["run", str(file), "-o", str(tmp_path / "out"), "--no-cache", *limit]) == BAD_INPUT
     assert said in capsys.readouterr().err
+
+
+def test_a_scene_that_is_refused_still_draws_the_hint_of_a_wrong_unit(tmp_path, capsys):
+    import cadquery as cq
+
+    room = cq.Workplane().box(4000, 6000, 3000).faces("<Z").shell(-100)
+    cq.exporters.export(room, str(tmp_path / "office.step"))
+    (tmp_path / "scene.toml").write_text(
+        'schema_version = 1\n[[model]]\nfile = "office.step"\nunit = "m"\n'
+        '[[sensors]]\nname = "desk"\nz_m = 0.8\n'
+    )
+    assert main(["inspect", str(tmp_path / "office.step"), "--unit", "m"]) == 0
+    (hint,) = capsys.readouterr().err.strip().splitlines()
+    assert "6000 m long" in hint and "length unit" in hint
+    assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out")]) == BAD_INPUT
+    first, second = capsys.readouterr().err.strip().splitlines()
+    assert first.endswith(hint.removeprefix("warning: "))
+    assert second.startswith("patchlight: sensors 'desk'")

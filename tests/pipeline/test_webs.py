@@ -122,7 +122,26 @@ def test_aim_along_c0_and_missing_files_name_the_part(tmp_path):
     with pytest.raises(InputError, match="emitter of lamp: c0 = .*parallel to aim"):
         panel_scene(Emitter(photometry=web(), c0=(0, 0, 1))).freeze()
     with pytest.raises(MissingFileError, match="none.ies: no such file"):
-        panel_scene(Emitter(photometry=tmp_path / "none.ies")).freeze()
+        panel_scene(Emitter(photometry=tmp_path / "none.ies"))
+
+
+def test_files_are_read_when_assigned_and_equal_ones_once(tmp_path):
+    path = tmp_path / "own.ldt"
+    path.write_text(ldt()[:-40])
+    scene = panel_scene(Emitter(flux_lm=1.0))
+    with pytest.raises(InputError, match=r"own\.ldt, line \d+: the file ends"):
+        scene.assign("lamp", Emitter(photometry=path))
+    assert len(scene.assignments) == 1  # nothing of it stays
+    path.write_text(ldt())
+    for given in (path, str(path)):
+        scene.assign("lamp", Emitter(photometry=given))
+    first, second = (a.what.photometry for a in scene.assignments[1:])
+    assert first is second
+    path.write_text(ldt(flux=1000.0))  # mended after the lamp was made: the next one has it
+    scene.assign("lamp", Emitter(photometry=path))
+    (lamp,) = scene.freeze().luminaires
+    assert lamp.flux_lm == pytest.approx(1000.0, rel=1e-3)
+    assert scene.assignments[-1].what.photometry is not first
 
 
 def test_scene_file(folder):
