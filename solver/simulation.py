@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from .memory import check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
 from .model.arrays import FloatArray
+from .model.elements import Elements
 from .model.reached import accuracies_reached, accuracy_message
 from .model.result import Balance, Result, SensorResult
 from .model.scene import SceneData
@@ -36,7 +38,7 @@ from .pictures import render_all
 from .reuse import Kept, tolerances
 from .rule_error import OF_RULES
 from .sensor_results import sensor_result, tells_daylight_factors
-from .skipped import not_needed
+from .skipped import not_needed, reflects_nothing
 from .solved_field import Field, SensorRows
 from .stages import Progress, Stages
 from .store import STORE, Store
@@ -130,11 +132,6 @@ def solve(
     if scene.opaque_count == 0:
         raise GeometryError("the scene has no surfaces but panes of glass")
     with with_threads(threads):
-        kind = Simulation
-        if method == "nn93":
-            from .nn93_simulation import Nn93Simulation
-
-            kind = Nn93Simulation
         options = Options(basis=basis, balanced=balanced_mesh, cache=cache)
         if scene.daylight_factors is not None and not cache:
             # The second run is to find what the first one knows, and both to leave nothing.
@@ -142,9 +139,22 @@ def solve(
 
         def run(one: SceneData, beside: str = beside) -> Result:
             how = replace(options, beside=beside)
-            return kind(one, accuracy, visibility, Stages(progress), how).run()
+            return kind_of(one, method)(one, accuracy, visibility, Stages(progress), how).run()
 
         return with_daylight_factors(run(scene), run)
+
+
+def kind_of(scene: SceneData, method: str) -> type[Simulation]:
+    """How a scene is solved by a method."""
+    if method == "nn93":
+        from .nn93_simulation import Nn93Simulation
+
+        return Nn93Simulation
+    if reflects_nothing(scene):
+        from .unreflected import UnreflectedSimulation
+
+        return UnreflectedSimulation
+    return Simulation
 
 
 @contextmanager
@@ -281,7 +291,7 @@ class Simulation:
         solved = self.solved(solver, kept)
         kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
-        self._count(field)
+        self._count(field.surfaces.elements, len(field.unknowns))
         light = finer.light
         images = render_all(field, finer, solver, self.budget)
         converged = self.judge(solved)
@@ -300,21 +310,25 @@ class Simulation:
             stages=stages.seconds,
             skipped=stages.skipped,
             counters=stages.counters,
-            settings={
-                **self.budget.settings,
-                **stages.figures,
-                "visibility": self.visibility,
-                "method": self.method,
-                "balanced_mesh": self.balance,
-                "bands": solver.bands,
-            },
+            settings=self._settings(solver),
             warnings=tuple(stages.warnings),
             converged=converged,
         )
 
-    def _count(self, field: Field) -> None:
-        elements, counters = field.surfaces.elements, self.stages.counters
-        counters["unknowns"] = len(field.unknowns)
+    def _settings(self, solver: FieldSolver) -> dict[str, Any]:
+        """What `Result.settings` records."""
+        return {
+            **self.budget.settings,
+            **self.stages.figures,
+            "visibility": self.visibility,
+            "method": self.method,
+            "balanced_mesh": self.balance,
+            "bands": solver.bands,
+        }
+
+    def _count(self, elements: Elements, unknowns: int) -> None:
+        counters = self.stages.counters
+        counters["unknowns"] = unknowns
         counters["patches"], counters["elements"] = len(self.scene.patches), len(elements)
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
@@ -451,12 +465,18 @@ class Simulation:
 
     def judge(self, solved: Solved) -> bool:
         """Whether the accuracy asked for was reached; what is doubtful is among the warnings."""
+        return self._judged(solved.sensors, solved.finer.light.luminous(), solved.balance)
+
+    def _judged(
+        self, sensors: dict[str, SensorResult], irradiance: FloatArray, balance: Balance
+    ) -> bool:
+        """The same of light at sensors and on elements, and of the ledger."""
         warnings = self.stages.warnings
-        self._warn_dark(solved.sensors, solved.finer.light.luminous())
-        warnings.extend(ledger_warning(solved.balance, self.budget.accuracy))
-        if self._converged(solved.sensors):
+        self._warn_dark(sensors, irradiance)
+        warnings.extend(ledger_warning(balance, self.budget.accuracy))
+        if self._converged(sensors):
             return True
-        warnings.append(accuracy_message(solved.sensors, self.budget.accuracy))
+        warnings.append(accuracy_message(sensors, self.budget.accuracy))
         return False
 
     def _warn_dark(self, sensors: dict[str, SensorResult], irradiance: FloatArray) -> None:
