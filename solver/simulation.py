@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -198,6 +198,9 @@ class Options:
     store: Store | None = None
     #: What the run is for, where it is made beside those of the scene itself; see `reuse.Kept`.
     beside: str = ""
+    #: Means of grids that are brighter in another state of the scene, by name; see
+    #: `accuracies_reached`. [lx]
+    brightest: Mapping[str, float] = field(default_factory=dict)
 
 
 class Simulation:
@@ -217,7 +220,7 @@ class Simulation:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
         self.balance = options.balanced
-        self._beside = options.beside
+        self._beside, self._brightest = options.beside, options.brightest
         self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.basis = options.basis or self.basis
@@ -471,13 +474,21 @@ class Simulation:
         self, sensors: dict[str, SensorResult], irradiance: FloatArray, balance: Balance
     ) -> bool:
         """The same of light at sensors and on elements, and of the ledger."""
-        warnings = self.stages.warnings
-        self._warn_dark(sensors, irradiance)
-        warnings.extend(ledger_warning(balance, self.budget.accuracy))
+        self._warn(sensors, irradiance, balance)
         if self._converged(sensors):
             return True
-        warnings.append(accuracy_message(sensors, self.budget.accuracy))
+        self.stages.warnings.append(accuracy_message(sensors, self.budget.accuracy))
         return False
+
+    def warn(self, solved: Solved) -> None:
+        """Put what is doubtful among the warnings, but not that the accuracy was not reached."""
+        self._warn(solved.sensors, solved.finer.light.luminous(), solved.balance)
+
+    def _warn(
+        self, sensors: dict[str, SensorResult], irradiance: FloatArray, balance: Balance
+    ) -> None:
+        self._warn_dark(sensors, irradiance)
+        self.stages.warnings.extend(ledger_warning(balance, self.budget.accuracy))
 
     def _warn_dark(self, sensors: dict[str, SensorResult], irradiance: FloatArray) -> None:
         warnings = self.stages.warnings
@@ -489,7 +500,8 @@ class Simulation:
 
     def _converged(self, sensors: dict[str, SensorResult]) -> bool:
         """Whether the estimated error is within the accuracy asked at 95 % of the sensors."""
-        return all(e <= self.budget.accuracy for e in accuracies_reached(sensors).values())
+        reached = accuracies_reached(sensors, self._brightest)
+        return all(error <= self.budget.accuracy for error in reached.values())
 
     def _element_error(self, light: Gathered, sampled: FloatArray, shift: FloatArray) -> FloatArray:
         """Half-width (n,) of the error on elements, ``shift`` being that of the mesh. [lx]
