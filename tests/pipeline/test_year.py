@@ -372,7 +372,8 @@ def test_command(step_room, capsys):
         "grids/desk.csv", "report.html",
     }  # fmt: skip
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert page.count("<svg") == 2 and "DA300_mean_pct" in page and "EN17037_view_level" in page
+    assert page.count("<svg") == 2 and "View out (EN 17037): level" in page
+    assert "Daylight autonomy DA300, mean of the area" in page
     with (out / "grids" / "desk.csv").open(encoding="utf-8") as stream:
         lines = list(csv.DictReader(stream))
     assert len(lines) == 2
