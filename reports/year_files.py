@@ -87,7 +87,7 @@ def write_year(
         names = list(_POINTS)
         if not table.is_level:
             some = [k for k, name in enumerate(names) if name not in _OF_WORK_PLANES]
-            names, columns = ([of[k] for k in some] for of in (names, columns))
+            names, columns = [names[k] for k in some], [columns[k] for k in some]
         if table.name in views:
             columns += view_columns(views[table.name])
             names += VIEW_COLUMNS
