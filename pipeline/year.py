@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 #: Version of what is stored.
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 #: Difference in latitude or longitude of scene and station that is told. [deg]
 FAR_DEG = 1.0
 _LX = {"units": "lx"}

@@ -9,6 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from patchlight.solver.model import SceneData, SensorResult
 from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.reached import (
+    accuracies_reached,
+    accuracy_message,
+    relative_errors,
+)
 
 from .year_store import CHUNK, Block, Piece, YearStore, range_name
 
@@ -41,7 +46,8 @@ class Filled:
         Root mean square of the error of the sun's indirect light against its own, in the worst
         state.
     converged : bool
-        Whether all states reached the accuracy.
+        Whether all states reached the accuracy; light below 1 % of what a grid has in the brightest
+        of them is taken for that much, as a shut blind leaves none that could be told better.
     """
 
     pieces: list[Piece]
@@ -84,21 +90,43 @@ class Filler:
 
     def fill(self, scenes: Mapping[str, SceneData]) -> Filled:
         """All states, each solved once, and not at all where the store has all of it."""
-        found = [self._state(k, name, data) for k, (name, data) in enumerate(scenes.items())]
+        found: list[Filled] = []
+        brightest: dict[str, float] = {}
+        for k, (name, data) in enumerate(scenes.items()):
+            found.append(self._state(k, name, data, brightest))
+            for grid, sensors in _even(data, found[-1].points).items():
+                mean = sensors.mean(sensors.illuminance_lx)
+                brightest[grid] = max(mean, brightest.get(grid, 0.0))
+        warnings = [list(one.warnings) for one in found]
+        for k, (name, data) in enumerate(scenes.items()):
+            points = found[k].points
+            even = _even(data, points)
+            reached = accuracies_reached(even, brightest)
+            if any(error > self.accuracy for error in reached.values()):
+                text = accuracy_message(even, self.accuracy, brightest=brightest)
+                warnings[k].insert(0, _of_state(name, text))
+                found[k] = replace(found[k], converged=False)
+            parts = [relative_errors(sensors, brightest[grid]) for grid, sensors in even.items()]
+            counts = [len(sensors.points) for sensors in even.values()]
+            # Of grids that are dark in all states nothing is wrong.
+            own = [e if len(e) else np.zeros(n) for e, n in zip(parts, counts, strict=True)]
+            points["relative_error"] = np.concatenate(own)[None]
+            del points["even_lx"], points["even_error_lx"]
         keys = found[0].points
         return Filled(
             pieces=[piece for one in found for piece in one.pieces],
             points={key: np.concatenate([one.points[key] for one in found]) for key in keys},
             electric=np.concatenate([one.electric for one in found]),
-            warnings=[text for one in found for text in one.warnings],
+            warnings=[text for own in warnings for text in own],
             sun_indirect_error=max(one.sun_indirect_error for one in found),
             converged=all(one.converged for one in found),
         )
 
-    def _state(self, k: int, name: str, data: SceneData) -> Filled:
+    def _state(self, k: int, name: str, data: SceneData, brightest: Mapping[str, float]) -> Filled:
+        """One state; ``brightest`` are means of the grids in those before it. [lx]"""
         known = self.store.record(f"{k:03d}")
         if known is None or not self._has_all(k, known):
-            known = self._solve(k, data)
+            known = self._solve(k, data, brightest)
         pieces = self._pieces(k, known["edges"])
         tables = [self.store.get(_points_of(k, piece.sensors)) for piece in _first_of(pieces)]
         squares = np.sum([table.pop("sun_squares") for table in tables], axis=0)
@@ -107,7 +135,7 @@ class Filler:
             pieces=pieces,
             points=points,
             electric=self.store.get(f"{k:03d}-electric")["lux"][None],
-            warnings=[f"{name}: {text}" if name else text for text in known["warnings"]],
+            warnings=[_of_state(name, text) for text in known["warnings"]],
             sun_indirect_error=float(np.sqrt(squares[0] / squares[1])) if squares[1] else 0.0,
             converged=known["converged"],
         )
@@ -127,7 +155,7 @@ class Filler:
             for start in range(0, n, BLOCK)
         ]
 
-    def _solve(self, k: int, data: SceneData) -> dict[str, Any]:
+    def _solve(self, k: int, data: SceneData, brightest: Mapping[str, float]) -> dict[str, Any]:
         """Find what the store does not have of one state; returns what it is to know of that."""
         from patchlight.solver.daylit import DaylitScene
         from patchlight.solver.stages import Stages
@@ -135,7 +163,9 @@ class Filler:
         stages = Stages(self.progress)
         lux, also, reached = self._electric(data)
         self.store.put(f"{k:03d}-electric", {"lux": lux})
-        daylit = DaylitScene.of(data, accuracy=self.accuracy, stages=stages)
+        daylit = DaylitScene.of(
+            data, accuracy=self.accuracy, stages=stages, brightest=dict(brightest)
+        )
         edges = [*range(0, len(daylit), daylit.block(self.reserve)), len(daylit)]
         pieces = self._pieces(k, edges)
         open_ = [piece for piece in pieces if not self.store.has(piece.name)]
@@ -148,7 +178,7 @@ class Filler:
         record = {
             "edges": edges,
             "warnings": list(dict.fromkeys([*stages.warnings, *also])),
-            "converged": daylit.converged and reached,
+            "converged": reached,
         }
         self.store.put_record(f"{k:03d}", record)
         return record
@@ -161,7 +191,8 @@ class Filler:
 
         suns = self.skies.suns[self.skies.sun_normal_lx > 0.0]
         found = daylit.coefficients(some, suns=suns)
-        own = {**self._points(found, suns), "relative_error": daylit.relative_errors()[some]}
+        own = self._points(found, suns)
+        own["even_lx"], own["even_error_lx"] = (values[some] for values in daylit.even_light())
         self.store.put(_points_of(k, some), own)
         for done, piece in enumerate(pieces):
             if self.progress is not None:
@@ -208,6 +239,23 @@ class Filler:
             out[g] = np.concatenate([_light_of(grid, group) for grid in result.sensors.values()])
         warnings = [f"electric light: {text}" for text in result.warnings]
         return out, warnings, result.converged
+
+
+def _even(data: SceneData, points: Mapping[str, FloatArray]) -> dict[str, SensorResult]:
+    """Light of the even sky in one state, by grid, of what is known of its ``points``."""
+    out, first = {}, 0
+    for grid in data.sensors:
+        own = slice(first, first + len(grid))
+        light, error = (points[key][0, own] for key in ("even_lx", "even_error_lx"))
+        out[grid.name] = SensorResult(
+            grid.name, grid.points, grid.normals, grid.area_m2, light, error, {}
+        )
+        first = own.stop
+    return out
+
+
+def _of_state(name: str, text: str) -> str:
+    return f"{name}: {text}" if name else text
 
 
 def _light_of(grid: SensorResult, group: str) -> FloatArray:

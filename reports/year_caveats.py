@@ -5,7 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .lm83 import LM83_HOURS
-from .year_tables import has_lm83_hours, is_whole_year, sunlight_key, window_groups
+from .year_tables import (
+    has_lm83_hours,
+    is_whole_year,
+    level_grids,
+    sunlight_key,
+    window_groups,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -24,7 +30,7 @@ def year_remarks(dataset: xarray.Dataset) -> list[str]:
 
 
 def _of_metrics(dataset: xarray.Dataset) -> list[str]:
-    out = []
+    out = _of_grids(dataset)
     if is_whole_year(dataset) and not has_lm83_hours(dataset):
         out.append(
             f"schedule = {dataset.attrs.get('schedule', 'another')}: sDA, ASE and option 1 of LEED "
@@ -46,3 +52,17 @@ def _of_metrics(dataset: xarray.Dataset) -> list[str]:
             f"least altitude for each site: give that{how}"
         )
     return out
+
+
+def _of_grids(dataset: xarray.Dataset) -> list[str]:
+    """Which grids are graded as work planes, where some are not."""
+    level = level_grids(dataset)
+    others = [name for name, is_level in level.items() if not is_level]
+    if not others:
+        return []
+    graded = ", ".join(name for name, is_level in level.items() if is_level) or "no grid"
+    return [
+        f"{', '.join(others)}: not all points face straight up, so that illuminance and hours of "
+        "sun alone are told; DA, UDI, sDA, ASE, daylight factors, EN 17037's provision, LEED and "
+        f"BREEAM are defined on a horizontal work plane: {graded} is graded by them"
+    ]

@@ -30,6 +30,8 @@ _POINTS = (
     "cDA300_pct", *(f"UDI_{name.replace(' ', '_')}_pct" for name in UDI_NAMES),
     "sun_above_1000_lx_h", "sun_h",
 )  # fmt: skip
+#: Of these, those that points of work planes have alone.
+_OF_WORK_PLANES = tuple(name for name in _POINTS if "DA300" in name or "UDI" in name)
 
 
 def write_year(
@@ -78,13 +80,14 @@ def write_year(
             np.arange(len(table.rows), dtype=np.float64),
             *(np.asarray(dataset[key].values)[table.rows] for key in keys),
             table.mean_lx,
-            100.0 * table.autonomy,
-            100.0 * table.continuous,
-            *(100.0 * table.useful),
+            *(100.0 * values for values in (table.autonomy, table.continuous, *table.useful)),
             table.exposed_h,
             table.sun_h,
         ]
         names = list(_POINTS)
+        if not table.is_level:
+            some = [k for k, name in enumerate(names) if name not in _OF_WORK_PLANES]
+            names, columns = [names[k] for k in some], [columns[k] for k in some]
         if table.name in views:
             columns += view_columns(views[table.name])
             names += VIEW_COLUMNS

@@ -46,8 +46,9 @@ def year_rows(dataset: xarray.Dataset, tables: list[GridTable] | None = None) ->
     and None where the dataset tells no errors.
 
     Those by hours of a whole year are left out of shorter weather, and those of LM-83 where the
-    building is not used in its hours: see `year_remarks`. Grids that are level and face up have
-    some together, as LEED adds rooms up, where there are several.
+    building is not used in its hours. Of grids that do not face up, such as those of eyes or walls,
+    illuminance and hours of sun are told, but nothing that is defined on a work plane: see
+    `year_remarks`. Level grids have some together, as LEED adds rooms up, where there are several.
 
     Parameters
     ----------
@@ -78,10 +79,14 @@ def _rows(dataset: xarray.Dataset, tables: list[GridTable]) -> list[Row]:
     by_lm83 = whole and has_lm83_hours(dataset)
     rows: list[Row] = []
     for table in tables:
-        found = [*_by_schedule(table, dataset), *_by_day(table, dataset)]
+        found = _by_schedule(table, dataset)
+        if table.is_level:
+            found[1:1] = _autonomies(table)
+        found += _by_day(table, dataset)
         if whole:
-            found += _by_lm83(table) if by_lm83 else []
-            found += [*_by_year(table, dataset), *_by_equinox(table)]
+            found += _by_lm83(table) if by_lm83 and table.is_level else []
+            found += _by_year(table)
+            found += [*_provisions(table, dataset), *_by_equinox(table)] if table.is_level else []
         rows += [_row(table.name, *one) for one in found]
     level = [table for table in tables if table.is_level]
     if by_lm83 and len(level) > 1:
@@ -102,14 +107,7 @@ def _row(grid: str, quantity: str, value: Any, unit: str) -> Row:
 def _by_schedule(table: GridTable, dataset: xarray.Dataset) -> _Found:
     share = table.area / table.area.sum()
     occupied = np.asarray(dataset["occupied"].values, dtype=bool)
-    found: _Found = [
-        ("E_mean_lx", float(share @ table.mean_lx), "lx"),
-        ("DA300_mean_pct", 100.0 * float(share @ table.autonomy), "%"),
-        ("cDA300_mean_pct", 100.0 * float(share @ table.continuous), "%"),
-    ]
-    for name, values in zip(UDI_NAMES, table.useful, strict=True):
-        key = f"UDI_{name.replace(' ', '_')}_mean_pct"
-        found.append((key, 100.0 * float(share @ values), "%"))
+    found: _Found = [("E_mean_lx", float(share @ table.mean_lx), "lx")]
     if table.states is not None:
         changed = 100.0 * float((table.states[:, occupied] > 0).any(axis=0).mean())
         found.append(("blinds_not_in_first_state_pct", changed, "% of hours"))
@@ -124,6 +122,19 @@ def _by_schedule(table: GridTable, dataset: xarray.Dataset) -> _Found:
         lamps, on = dataset["lamps"].values, dataset["electric_on"].values
         for group, burns in zip(lamps, on, strict=True):
             found.append((f"electric_{group}_h", step_h * float(burns.sum()), "h"))
+    return found
+
+
+def _autonomies(table: GridTable) -> _Found:
+    """Means over the area of what each point of a work plane gets in the hours of use."""
+    share = table.area / table.area.sum()
+    found: _Found = [
+        ("DA300_mean_pct", 100.0 * float(share @ table.autonomy), "% of hours"),
+        ("cDA300_mean_pct", 100.0 * float(share @ table.continuous), "%"),
+    ]
+    for name, values in zip(UDI_NAMES, table.useful, strict=True):
+        key = f"UDI_{name.replace(' ', '_')}_mean_pct"
+        found.append((key, 100.0 * float(share @ values), "% of hours"))
     return found
 
 
@@ -155,15 +166,17 @@ def _by_lm83(table: GridTable) -> _Found:
     ]
 
 
-def _by_year(table: GridTable, dataset: xarray.Dataset) -> _Found:
+def _by_year(table: GridTable) -> _Found:
+    exposure = 1e-3 * float(table.area @ table.exposure_lx_h / table.area.sum())
+    return [("light_exposure_klx_h", exposure, "klx h")]
+
+
+def _provisions(table: GridTable, dataset: xarray.Dataset) -> _Found:
+    """Daylight provision by EN 17037 and BREEAM of a work plane."""
     sky = np.asarray(dataset["sky_horizontal"].values, dtype=np.float64)
     step_h = float(dataset.attrs["step_minutes"]) / 60.0
-    exposure = 1e-3 * float(table.area @ table.exposure_lx_h / table.area.sum())
     median = median_diffuse(sky, step_h)
-    found: _Found = [
-        ("light_exposure_klx_h", exposure, "klx h"),
-        ("EN17037_median_diffuse_lx", median, "lx"),
-    ]
+    found: _Found = [("EN17037_median_diffuse_lx", median, "lx")]
     if "daylight_factor" in dataset and median > 0.0:
         factor = table.factor * _of_first_state(dataset, "daylight_factor", table)
         mean = float(table.area @ factor / table.area.sum())

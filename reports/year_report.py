@@ -18,6 +18,7 @@ from .plan import plan_figure
 from .report import environment
 from .run_files import library_versions, tool_version
 from .section import patch_triangles
+from .year_names import metric_name
 from .year_tables import GridTable, light_errors
 
 if TYPE_CHECKING:
@@ -82,8 +83,8 @@ def render_year(
                 "name": name,
                 "first": [_told(found[key]) if key in found else "–" for key in _FIRST],
                 "rows": [
-                    {"quantity": row["quantity"], "value": _value(row), "range": _range(row),
-                     "unit": row["unit"]}
+                    {"key": row["quantity"], "name": metric_name(row["quantity"]),
+                     "value": _value(row), "range": _range(row), "unit": row["unit"]}
                     for row in own
                 ],
                 "maps": [] if table is None else _maps(
@@ -148,8 +149,11 @@ def _maps(
     north_deg: float,
     index: int,
 ) -> list[dict[str, Any]]:
-    """Plans of a grid: daylight autonomy, and useful illuminance."""
+    """Plans of a level grid: daylight autonomy, and useful illuminance."""
     from markupsafe import Markup
+
+    if not table.is_level:
+        return []
 
     half, (_, low, high) = 100.0 * SDA_SHARE, UDI_LX
     shares = {

@@ -124,9 +124,16 @@ def grid_tables(dataset: xarray.Dataset, factor: FloatArray | None = None) -> li
     names = np.asarray(dataset["grid"].values).astype(str)
     factors = np.ones(len(names)) if factor is None else np.asarray(factor, dtype=np.float64)
     return [
-        _table(dataset, name, np.flatnonzero(names == name), factors)
-        for name in dict.fromkeys(names.tolist())
+        _table(dataset, name, np.flatnonzero(names == name), is_level, factors)
+        for name, is_level in level_grids(dataset).items()
     ]
+
+
+def level_grids(dataset: xarray.Dataset) -> dict[str, bool]:
+    """Whether all points of each grid face up, by name."""
+    names = np.asarray(dataset["grid"].values).astype(str)
+    up = np.asarray(dataset["nz"].values) >= _LEVEL
+    return {name: bool(up[names == name].all()) for name in dict.fromkeys(names.tolist())}
 
 
 def window_groups(dataset: xarray.Dataset) -> list[str]:
@@ -161,7 +168,9 @@ def sunlight_key(dataset: xarray.Dataset) -> str | None:
     return f"EN17037_sunlight_{day}_level" if in_season else None
 
 
-def _table(dataset: xarray.Dataset, name: str, rows: IntArray, factors: FloatArray) -> GridTable:
+def _table(
+    dataset: xarray.Dataset, name: str, rows: IntArray, is_level: bool, factors: FloatArray
+) -> GridTable:
     occupied = np.asarray(dataset["occupied"].values, dtype=bool)
     minutes = int(dataset.attrs["step_minutes"])
     step_h = minutes / 60.0
@@ -176,7 +185,7 @@ def _table(dataset: xarray.Dataset, name: str, rows: IntArray, factors: FloatArr
         name,
         rows,
         np.asarray(dataset["area"].values, dtype=np.float64)[rows],
-        bool((np.asarray(dataset["nz"].values)[rows] >= _LEVEL).all()),
+        is_level,
         factors[rows],
         _states(dataset, rows),
         YearProvision(sky, step_h),

@@ -14,6 +14,7 @@ sensors at a time, as memory has room:
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +27,7 @@ from .field import FieldSolver
 from .memory import available_bytes
 from .model.arrays import FloatArray, IntArray
 from .model.bands import LUMINANCE_WEIGHTS, SPECTRAL
-from .model.reached import relative_errors
+from .model.reached import NOWHERE
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import CIESky, Ground
@@ -73,8 +74,6 @@ class DaylitScene:
         What is open from anywhere.
     stages : Stages
         Times, counters and warnings.
-    converged : bool
-        Whether the accuracy was reached.
     """
 
     scene: SceneData
@@ -83,11 +82,15 @@ class DaylitScene:
     solved: Solved
     sky: OpenSky
     stages: Stages
-    converged: bool
 
     @classmethod
     def of(
-        cls, scene: SceneData, *, accuracy: float = 0.02, stages: Stages | None = None
+        cls,
+        scene: SceneData,
+        *,
+        accuracy: float = 0.02,
+        stages: Stages | None = None,
+        brightest: Mapping[str, float] = NOWHERE,
     ) -> DaylitScene:
         """Solve ``scene``.
 
@@ -97,6 +100,11 @@ class DaylitScene:
             Its sky, sun and lamps do not count. Without a ground it gets ``Ground()``.
         accuracy : float
             As of `simulation.solve`; numbers of cells follow from it, too.
+        stages : Stages, optional
+            Receives times, counters and warnings.
+        brightest : mapping
+            Means of grids under the even sky in a brighter state of the scene, by name: no more
+            than their accuracy is aimed at. [lx]
 
         Raises
         ------
@@ -106,11 +114,12 @@ class DaylitScene:
         check_scene(scene)
         stages = Stages() if stages is None else stages
         even = even_scene(scene)
-        run = Simulation(even, accuracy, "auto", stages, Options(cache=True, beside=BESIDE))
+        options = Options(cache=True, beside=BESIDE, brightest=brightest)
+        run = Simulation(even, accuracy, "auto", stages, options)
         solver, kept = run.start()
         solved = run.solved(solver, kept)
         kept.tell()
-        converged = run.judge(solved)
+        run.warn(solved)
         if solver.highlights.any:
             stages.warnings.append(
                 "glossy surfaces: through a year they reflect sky and sun as if they were matt"
@@ -121,7 +130,7 @@ class DaylitScene:
             )
         # In a cavity of its own nothing hides anything from anything, but its wall the sky.
         sky = OpenSky(even, solver.blockers, trace=solver.trace or solver.in_cavity)
-        return cls(even, run, solver, solved, sky, stages, converged)
+        return cls(even, run, solver, solved, sky, stages)
 
     def __len__(self) -> int:
         return sum(len(grid) for grid in self.scene.sensors)
@@ -208,16 +217,11 @@ class DaylitScene:
             )
         return seen.weights
 
-    def relative_errors(self) -> FloatArray:
-        """Stated error (m,) of the light of the even sky at each sensor, relative to it.
-
-        As ``accuracy`` is meant: see `model.reached.relative_errors`. Of dark grids it is 0.
-        """
-        parts = []
-        for grid in self.solved.sensors.values():
-            own = relative_errors(grid)
-            parts.append(own if len(own) else np.zeros(len(grid.points)))
-        return np.concatenate(parts)
+    def even_light(self) -> tuple[FloatArray, FloatArray]:
+        """Light (m,) of the even sky at each sensor, and its stated error. [lx]"""
+        grids = self.solved.sensors.values()
+        light, error = zip(*((grid.illuminance_lx, grid.error_lx) for grid in grids), strict=True)
+        return np.concatenate(light), np.concatenate(error)
 
     def _at(self, name: str) -> FloatArray:
         """One component (m,) at the sensors of all grids. [lx]"""

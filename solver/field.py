@@ -31,6 +31,7 @@ from .mesher import Mesher
 from .mirror_light import MirrorLight
 from .mirrors import Reflections
 from .model.arrays import FloatArray
+from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.views import Sensors
@@ -428,14 +429,18 @@ class FieldSolver:
         error, told = rule_error(
             seen.rows, asked, self.blockers, eps, sent, self.kept, trace=self.trace
         )
-        rest = light.luminous() - told
+        return np.asarray(error + self.rules_from_outside(light, told, asked.budget))
+
+    def rules_from_outside(self, light: Gathered, told: FloatArray, budget: Budget) -> FloatArray:
+        """The same of all ``light`` but that by straight form factors, ``told`` (m,). [lx]"""
+        rest, error = light.luminous() - told, np.zeros(len(told))
         if self._all_flat and not self.panes.any:
             # Past flat surfaces sky and ground are integrated to the error counted as sampled.
             for name in ("sky.direct", "ground.direct"):
                 rest -= luminous(light.components.get(name, np.zeros((len(told), self.bands))))
         elif self.scene.sky is not None and self.scene.sky.needs_sun:
             error = error + PEAKED * luminous(light.components["sky.direct"])
-        rules = OF_RULES * asked.budget.fine_eps + ROUNDING
+        rules = OF_RULES * budget.fine_eps + ROUNDING
         return np.asarray(error + rules * np.maximum(rest, 0.0))
 
     @property
@@ -446,6 +451,10 @@ class FieldSolver:
     def outside(self, receivers: Receivers, budget: Budget) -> Light:
         """Direct light of sky, sun and ground on any receivers, as at sensors."""
         return self._incidence.from_outside(receivers, budget, not self.in_cavity)
+
+    def outside_on(self, elements: Elements, unknowns: Unknowns, budget: Budget) -> Light:
+        """The same on unknowns of elements."""
+        return self._incidence.alone_on(elements, unknowns, budget, not self.in_cavity)
 
     def _gathered(
         self,

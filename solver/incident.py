@@ -14,6 +14,7 @@ from .exchange import Rows
 from .kernels.pyramid import Blockers
 from .light_colors import ELEMENT_PARTS, SENSOR_PARTS, LightColors
 from .model.arrays import FloatArray
+from .model.elements import Elements
 from .model.result import luminous
 from .model.scene import SceneData
 from .model.sky import Sky, Sun
@@ -151,20 +152,34 @@ class Incidence:
         scanned = rows.outside if self.trace else None
         if scanned is not None and not self.panes.any:
             scanned = self._known_outside(asked, scanned, sees_out)
-        light = self.from_outside(asked.receivers, asked.budget, sees_out, scanned)
+        light = self.from_outside(
+            asked.receivers, asked.budget, sees_out, scanned, on_elements=scanned is not None
+        )
         # What comes by way of mirrors is added to a copy.
-        sun, found = self.scene.sun, light.direct.get("sun")
-        light.sun = found
-        # The disc may be seen between the nodes, by none of them.
-        if sun is not None and found is not None and self.trace and sees_out and is_up(sun):
-            with self.stages.run("sun"):
-                color = self.colors.sun
-                count = put_sun_means(
-                    found, light.variance, sun, color, surfaces.elements, unknowns, self.open_sky
-                )
-                self.stages.count({"sun_means": count})
+        light.sun = light.direct.get("sun")
+        self._put_sun_means(light, surfaces.elements, unknowns, sees_out)
         self.add_lamps(light, asked, rows, surfaces, areas=unknowns.areas)
         return light
+
+    def alone_on(
+        self, elements: Elements, unknowns: Unknowns, budget: Budget, sees_out: bool
+    ) -> Light:
+        """Direct light of sky, sun and ground on unknowns whose rows nobody asks for."""
+        light = self.from_outside(unknowns.receivers, budget, sees_out, on_elements=True)
+        self._put_sun_means(light, elements, unknowns, sees_out)
+        return light
+
+    def _put_sun_means(
+        self, light: Light, elements: Elements, unknowns: Unknowns, sees_out: bool
+    ) -> None:
+        """Means of the sun's light over parts of elements: nodes may miss its disc."""
+        sun, found = self.scene.sun, light.direct.get("sun")
+        if sun is None or found is None or not (self.trace and sees_out and is_up(sun)):
+            return
+        with self.stages.run("sun"):
+            color, sky = self.colors.sun, self.open_sky
+            count = put_sun_means(found, light.variance, sun, color, elements, unknowns, sky)
+            self.stages.count({"sun_means": count})
 
     def _known_outside(self, asked: Ask, scanned: FloatArray, sees_out: bool) -> FloatArray:
         """``scanned`` (m, 5) by the meridians, put right where few flat surfaces hide the sky."""
@@ -214,15 +229,17 @@ class Incidence:
         budget: Budget,
         sees_out: bool,
         scanned: FloatArray | None = None,
+        *,
+        on_elements: bool = False,
     ) -> Light:
         """Direct light of sky, sun and ground.
 
         Sky and ground are told by `Horizon` unless ``scanned`` (m, 5) tells what the meridians of
-        `form_factor_matrix` saw of them.
+        `form_factor_matrix` saw of them; ``on_elements`` less precisely than at sensors.
         """
         light = Light({}, *np.zeros((3, len(receivers.nodes))))
         if self.panes.any and sees_out:
-            self._add_through_panes(light, receivers, budget, scanned is not None)
+            self._add_through_panes(light, receivers, budget, on_elements)
             return light
         scene, stages = self.scene, self.stages
         jobs: list[tuple[str, Sky | float]] = []  # of the sun the luminance does not count
@@ -252,11 +269,11 @@ class Incidence:
                     found = self._sun(scene.sun, receivers, budget, tell)
                 else:
                     if outside is None:
-                        cell_eps = budget.sensor_dome_cell_eps
+                        cell_eps = budget.cell_eps if on_elements else budget.sensor_dome_cell_eps
                         outside = self._outside(receivers, budget.eps, cell_eps, tell, level > 0.0)
                     found = outside.sky if name == "sky" else outside.ground.times(level)
             lux = found.illuminance
-            light.direct[name] = lux[:, None] * self._color(name, receivers, lux, False)
+            light.direct[name] = lux[:, None] * self._color(name, receivers, lux, on_elements)
             light.variance += found.deviation**2
             if isinstance(found, DomeLight):
                 light.outside += found.factor

@@ -100,12 +100,19 @@ class Mesher:
         boxes, misplaced = self._cut_where_light_changes(budget)
         return self.balanced(boxes, budget), misplaced
 
+    def unrefined(self, budget: Budget) -> Boxes:
+        """The same wherever light changes: cut at horizons alone."""
+        return self.balanced(self._cut_at_horizons(budget), budget)
+
+    def _cut_at_horizons(self, budget: Budget) -> Boxes:
+        boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
+        if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
+            boxes = with_lines(boxes, self.blockers, budget.most_elements)
+        return boxes
+
     def _cut_where_light_changes(self, budget: Budget) -> tuple[Boxes, float]:
         """The same, without regard to their neighbours."""
-        boxes = Boxes.regular(budget.divisions, self.scene.two_sided)
-        most = budget.most_elements
-        if self.trace and (self.scene.sky is not None or self.scene.ground is not None):
-            boxes = with_lines(boxes, self.blockers, most)
+        boxes, most = self._cut_at_horizons(budget), budget.most_elements
         if self.trace and most > len(boxes) and fits(most):
             boxes, added = with_gaps(boxes, self.scene, budget)
             if added:

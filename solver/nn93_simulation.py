@@ -20,13 +20,13 @@ from .kept_error import KeptError
 from .mesh import Boxes
 from .mesh_error import MeshError
 from .model.arrays import FloatArray
+from .model.elements import Elements
 from .model.scene import SceneData
 from .nn93_field import CornerField, CornerSolver, Eyes
 from .reuse import Kept
 from .rule_error import OF_RULES
 from .sensor_results import sensor_result
 from .simulation import Options, Simulation, Solved
-from .solved_field import Field
 from .stages import Stages
 
 #: Said with every result.
@@ -97,9 +97,8 @@ class Nn93Simulation(Simulation):
         nothing = KeptError.none(np.zeros(len(field.surfaces.areas)))
         return Solved(field, finer, balance, error, nothing, sensors, without_mesh)
 
-    def _count(self, field: Field) -> None:
-        super()._count(field)
-        self.stages.counters["unknowns"] = self._corners  # nodes only hand them on
+    def _count(self, elements: Elements, unknowns: int) -> None:
+        super()._count(elements, self._corners)  # nodes only hand them on
 
 
 def _difference(found: CornerField, rough: CornerField, coarse: Boxes) -> FloatArray:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from .memory import check_memory, fits, has_room, varying_bytes
 from .mesh import Boxes
 from .mesh_error import MeshError, doubt_on
 from .model.arrays import FloatArray
+from .model.elements import Elements
 from .model.reached import accuracies_reached, accuracy_message
 from .model.result import Balance, Result, SensorResult
 from .model.scene import SceneData
@@ -36,7 +38,7 @@ from .pictures import render_all
 from .reuse import Kept, tolerances
 from .rule_error import OF_RULES
 from .sensor_results import sensor_result, tells_daylight_factors
-from .skipped import not_needed
+from .skipped import not_needed, reflects_nothing
 from .solved_field import Field, SensorRows
 from .stages import Progress, Stages
 from .store import STORE, Store
@@ -130,11 +132,6 @@ def solve(
     if scene.opaque_count == 0:
         raise GeometryError("the scene has no surfaces but panes of glass")
     with with_threads(threads):
-        kind = Simulation
-        if method == "nn93":
-            from .nn93_simulation import Nn93Simulation
-
-            kind = Nn93Simulation
         options = Options(basis=basis, balanced=balanced_mesh, cache=cache)
         if scene.daylight_factors is not None and not cache:
             # The second run is to find what the first one knows, and both to leave nothing.
@@ -142,9 +139,22 @@ def solve(
 
         def run(one: SceneData, beside: str = beside) -> Result:
             how = replace(options, beside=beside)
-            return kind(one, accuracy, visibility, Stages(progress), how).run()
+            return kind_of(one, method)(one, accuracy, visibility, Stages(progress), how).run()
 
         return with_daylight_factors(run(scene), run)
+
+
+def kind_of(scene: SceneData, method: str) -> type[Simulation]:
+    """How a scene is solved by a method."""
+    if method == "nn93":
+        from .nn93_simulation import Nn93Simulation
+
+        return Nn93Simulation
+    if reflects_nothing(scene):
+        from .unreflected import UnreflectedSimulation
+
+        return UnreflectedSimulation
+    return Simulation
 
 
 @contextmanager
@@ -188,6 +198,9 @@ class Options:
     store: Store | None = None
     #: What the run is for, where it is made beside those of the scene itself; see `reuse.Kept`.
     beside: str = ""
+    #: Means of grids that are brighter in another state of the scene, by name; see
+    #: `accuracies_reached`. [lx]
+    brightest: Mapping[str, float] = field(default_factory=dict)
 
 
 class Simulation:
@@ -207,7 +220,7 @@ class Simulation:
         if visibility == "none":
             scene = scene.without_panes  # like all else, they keep nothing back
         self.balance = options.balanced
-        self._beside = options.beside
+        self._beside, self._brightest = options.beside, options.brightest
         self._own_mesh: tuple[Boxes, float] | None = None
         self.scene, self.stages, self.visibility = scene, stages, visibility
         self.basis = options.basis or self.basis
@@ -281,7 +294,7 @@ class Simulation:
         solved = self.solved(solver, kept)
         kept.tell()
         field, finer, sensors = solved.field, solved.finer, solved.sensors
-        self._count(field)
+        self._count(field.surfaces.elements, len(field.unknowns))
         light = finer.light
         images = render_all(field, finer, solver, self.budget)
         converged = self.judge(solved)
@@ -300,21 +313,25 @@ class Simulation:
             stages=stages.seconds,
             skipped=stages.skipped,
             counters=stages.counters,
-            settings={
-                **self.budget.settings,
-                **stages.figures,
-                "visibility": self.visibility,
-                "method": self.method,
-                "balanced_mesh": self.balance,
-                "bands": solver.bands,
-            },
+            settings=self._settings(solver),
             warnings=tuple(stages.warnings),
             converged=converged,
         )
 
-    def _count(self, field: Field) -> None:
-        elements, counters = field.surfaces.elements, self.stages.counters
-        counters["unknowns"] = len(field.unknowns)
+    def _settings(self, solver: FieldSolver) -> dict[str, Any]:
+        """What `Result.settings` records."""
+        return {
+            **self.budget.settings,
+            **self.stages.figures,
+            "visibility": self.visibility,
+            "method": self.method,
+            "balanced_mesh": self.balance,
+            "bands": solver.bands,
+        }
+
+    def _count(self, elements: Elements, unknowns: int) -> None:
+        counters = self.stages.counters
+        counters["unknowns"] = unknowns
         counters["patches"], counters["elements"] = len(self.scene.patches), len(elements)
         counters["nodes"] = int((elements.weights > 0.0).sum())
         counters["buried_nodes"] = int((elements.buried & (elements.weights > 0.0)).sum())
@@ -451,13 +468,27 @@ class Simulation:
 
     def judge(self, solved: Solved) -> bool:
         """Whether the accuracy asked for was reached; what is doubtful is among the warnings."""
-        warnings = self.stages.warnings
-        self._warn_dark(solved.sensors, solved.finer.light.luminous())
-        warnings.extend(ledger_warning(solved.balance, self.budget.accuracy))
-        if self._converged(solved.sensors):
+        return self._judged(solved.sensors, solved.finer.light.luminous(), solved.balance)
+
+    def _judged(
+        self, sensors: dict[str, SensorResult], irradiance: FloatArray, balance: Balance
+    ) -> bool:
+        """The same of light at sensors and on elements, and of the ledger."""
+        self._warn(sensors, irradiance, balance)
+        if self._converged(sensors):
             return True
-        warnings.append(accuracy_message(solved.sensors, self.budget.accuracy))
+        self.stages.warnings.append(accuracy_message(sensors, self.budget.accuracy))
         return False
+
+    def warn(self, solved: Solved) -> None:
+        """Put what is doubtful among the warnings, but not that the accuracy was not reached."""
+        self._warn(solved.sensors, solved.finer.light.luminous(), solved.balance)
+
+    def _warn(
+        self, sensors: dict[str, SensorResult], irradiance: FloatArray, balance: Balance
+    ) -> None:
+        self._warn_dark(sensors, irradiance)
+        self.stages.warnings.extend(ledger_warning(balance, self.budget.accuracy))
 
     def _warn_dark(self, sensors: dict[str, SensorResult], irradiance: FloatArray) -> None:
         warnings = self.stages.warnings
@@ -469,7 +500,8 @@ class Simulation:
 
     def _converged(self, sensors: dict[str, SensorResult]) -> bool:
         """Whether the estimated error is within the accuracy asked at 95 % of the sensors."""
-        return all(e <= self.budget.accuracy for e in accuracies_reached(sensors).values())
+        reached = accuracies_reached(sensors, self._brightest)
+        return all(error <= self.budget.accuracy for error in reached.values())
 
     def _element_error(self, light: Gathered, sampled: FloatArray, shift: FloatArray) -> FloatArray:
         """Half-width (n,) of the error on elements, ``shift`` being that of the mesh. [lx]

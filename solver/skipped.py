@@ -2,9 +2,35 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .kernels.pyramid import Blockers
-from .model.scene import SceneData
+from .model.scene import BLACK, SceneData
+from .outside_light import PLAIN
+from .skies import ground_luminance
 from .topology import is_single
+
+#: Why nothing is looked for that surfaces send each other.
+NOTHING_REFLECTS = "no surface reflects or emits light"
+#: What is not done then.
+FOR_REFLECTED = ("form factors", "radiosity", "iterated gather", "refinement", "reuse of the mesh")
+
+
+def reflects_nothing(scene: SceneData) -> bool:
+    """Whether all light comes straight from outside, and is told without the surfaces' own.
+
+    Form factors between elements are wanted all the same for pictures, for panes, and where so many
+    surfaces hide the sky that elements know by their meridians what is open of it.
+    """
+    if scene.luminaires or scene.cameras or scene.glazings:
+        return False
+    for row in np.unique(scene.material_index[scene.material_index != BLACK]):
+        material = scene.materials[row]
+        sent = (material.scattered_in(scene.bands), material.mirror_bands)
+        if any(np.any(np.asarray(share) > 0.0) for share in sent):
+            return False
+    ground = ground_luminance(scene.ground, scene.sky, scene.sun)
+    return len(scene.patches) <= PLAIN or (scene.sky is None and ground == 0.0)
 
 
 def not_needed(scene: SceneData, blockers: Blockers, visibility: str) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,24 +19,33 @@ if TYPE_CHECKING:
 KEPT_BY = 0.95
 #: Least value of a sensor that its error is compared with, against the mean of its grid.
 FLOOR = 0.01
+#: Of grids that are nowhere brighter.
+NOWHERE: Mapping[str, float] = MappingProxyType({})
 
 
-def relative_errors(grid: SensorResult) -> FloatArray:
-    """Error (m,) of each sensor relative to its value; empty for a dark grid."""
-    mean = grid.mean(grid.illuminance_lx)
+def relative_errors(grid: SensorResult, brightest: float = 0.0) -> FloatArray:
+    """Error (m,) of each sensor relative to its value; empty for a dark grid.
+
+    ``brightest`` is the mean of the grid where it is brighter, as with open blinds: light that is
+    nothing beside that is not told any better than that is. [lx]
+    """
+    mean = max(grid.mean(grid.illuminance_lx), brightest)
     if mean == 0.0:
         return np.zeros(0)
     return np.asarray(grid.error_lx / np.maximum(grid.illuminance_lx, FLOOR * mean))
 
 
-def accuracies_reached(sensors: Mapping[str, SensorResult]) -> dict[str, float]:
+def accuracies_reached(
+    sensors: Mapping[str, SensorResult], brightest: Mapping[str, float] = NOWHERE
+) -> dict[str, float]:
     """Relative error kept by 95 % of the sensors of each grid, as ``accuracy`` is meant.
 
-    Values below 1 % of their grid's mean are taken as 1 % of it; dark grids are left out.
+    Values below 1 % of their grid's mean are taken as 1 % of it, or of its mean in the
+    ``brightest`` of several states [lx]; dark grids are left out.
     """
     reached = {}
     for name, grid in sensors.items():
-        relative = relative_errors(grid)
+        relative = relative_errors(grid, brightest.get(name, 0.0))
         if len(relative):
             reached[name] = float(np.quantile(relative, KEPT_BY, method="lower"))
     return reached
@@ -47,18 +57,23 @@ def accuracy_reached(result: Result) -> float:
 
 
 def accuracy_message(
-    sensors: Mapping[str, SensorResult], asked: float, *, as_factors: bool = False
+    sensors: Mapping[str, SensorResult],
+    asked: float,
+    *,
+    as_factors: bool = False,
+    brightest: Mapping[str, float] = NOWHERE,
 ) -> str:
     """Which grids missed the accuracy that was asked for, by how much, and where most.
 
-    With ``as_factors`` light is told by the daylight factors that it stands for.
+    With ``as_factors`` light is told by the daylight factors that it stands for; ``brightest`` is
+    that of `accuracies_reached`.
     """
     missed = []
-    for name, reached in accuracies_reached(sensors).items():
+    for name, reached in accuracies_reached(sensors, brightest).items():
         if reached <= asked:
             continue
         grid = sensors[name]
-        relative = relative_errors(grid)
+        relative = relative_errors(grid, brightest.get(name, 0.0))
         worst, many = int(np.argmax(relative)), int((relative > asked).sum())
         light, error, unit = grid.illuminance_lx[worst], grid.error_lx[worst], "lx"
         if as_factors and grid.daylight is not None:

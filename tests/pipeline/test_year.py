@@ -197,6 +197,27 @@ def test_states_are_solved_each(weather_file):
     assert patches == [9, 10]
 
 
+@pytest.mark.parametrize("order", [("up", "shut"), ("shut", "up")])
+def test_a_shut_blind_is_judged_beside_the_brightest_state(weather_file, order):
+    """Light through a slit of 10 µm is not told to a twentieth, and nobody needs it to be."""
+    scene = room()
+    scene.add(SensorGrid([(0, 3, 0.8)], (0, 0, 1), name="deep"))
+    scene.add(opening(-1e-5), "blind", two_sided=True)
+    asked = {"sensors": "deep", "accuracy": 0.05}
+    # Alone it is judged by its own light.
+    alone = simulate_year(scene, weather_file, **asked)
+    assert alone.attrs["converged"] == 0 and "accuracy 0.05 was not" in alone.attrs["remarks"]
+    assert alone["relative_error"].values > 0.05
+    for name in order:
+        scene.add_state(name, **{"absent" if name == "up" else "present": "blind"})
+    found = simulate_year(scene, weather_file, **asked)
+    light = dict(zip(order, found["illuminance"].values.sum(axis=(1, 2)), strict=True))
+    assert 0.0 < light["shut"] < 1e-4 * light["up"]
+    assert found.attrs["converged"] == 1 and "not reached" not in found.attrs["remarks"]
+    error = dict(zip(order, found["relative_error"].values[:, 0], strict=True))
+    assert error["shut"] < 1e-3 and error["up"] < 1e-3
+
+
 def test_which_parts_are_there(make_model):
     box = ((1.0, 1.0, 1.0), (0, 0, 0), False)
     scene = Scene(make_model("room", dict.fromkeys(("wall", "blind", "shade"), box)))
@@ -351,7 +372,8 @@ def test_command(step_room, capsys):
         "grids/desk.csv", "report.html",
     }  # fmt: skip
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert page.count("<svg") == 2 and "DA300_mean_pct" in page and "EN17037_view_level" in page
+    assert page.count("<svg") == 2 and "View out (EN 17037): level" in page
+    assert "Daylight autonomy DA300, mean of the area" in page
     with (out / "grids" / "desk.csv").open(encoding="utf-8") as stream:
         lines = list(csv.DictReader(stream))
     assert len(lines) == 2

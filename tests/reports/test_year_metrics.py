@@ -36,6 +36,7 @@ from patchlight.reports.lm83 import (
     sunlight_exposure,
 )
 from patchlight.reports.sunlight import is_in_season, sunlight_hours, sunlight_level
+from patchlight.reports.year_names import metric_name
 from patchlight.reports.year_tables import light_errors
 from patchlight.solver.errors import InputError
 
@@ -344,15 +345,51 @@ def test_rows_of_grids():
     assert found["far.UDI_supplementary_mean_pct"] == 100.0
 
 
-def test_only_level_grids_are_added_up():
-    """A vertical grid, such as one of eyes or a facade, is no floor that LEED counts."""
+def test_only_work_planes_are_graded():
+    """Of a grid of eyes, or of a facade, illuminance and hours of sun are told, and no grades."""
     year = dataset()
     year["nz"][2] = 0.0
-    assert not any(row["sensor_id"] == "level grids" for row in year_rows(year))
+    rows = year_rows(year)
+    assert not any(row["sensor_id"] == "level grids" for row in rows)
+    own = {row["quantity"] for row in rows if row["sensor_id"] == "far"}
+    assert own == {"E_mean_lx", "light_exposure_klx_h"}
+    (text,) = year_remarks(year)
+    assert text.startswith("far: not all points face straight up") and "near is graded" in text
     year["grid"] = "sensor", np.array(["near", "far", "facade"], dtype=object)
     found = {row["id"]: row["value"] for row in year_rows(year)}
     assert found["level grids.sDA300_50_pct"] == 100.0  # the facade has none
-    assert found["facade.sDA300_50_pct"] == 0.0
+    assert found["facade.E_mean_lx"] == pytest.approx(200.0) and "facade.sDA300_50_pct" not in found
+    # One point that faces sideways is enough.
+    year["grid"] = "sensor", np.array(["all"] * 3, dtype=object)
+    assert {row["quantity"] for row in year_rows(year)} == own
+    assert "no grid is graded" in year_remarks(year)[0]
+
+
+def test_every_metric_has_a_name_that_engineers_know():
+    year = dataset(("all up", "south down", "east down"))
+    year = year.assign_coords(window_group=("state", ["", "south", "east"]))
+    year["sunlight_hours"] = "sensor", [1.0, 2.0, 3.0]
+    year["daylight_factor"] = "sensor", [0.02, 0.02, 0.02]
+    year["electric_illuminance"] = ("state", "lamps", "sensor"), np.ones((3, 1, 3))
+    year["electric_on"] = ("lamps", "time"), np.ones((1, 8760), bool)
+    year = year.assign_coords(lamps=["ceiling_row"])
+    year.attrs["sun_day"] = "03-21"
+    rows = year_rows(year)
+    names = {row["quantity"]: metric_name(row["quantity"]) for row in rows}
+    assert len(set(names.values())) == len(names) > 60
+    for quantity, name in names.items():
+        assert name != quantity and "_" not in name.replace("ceiling_row", "")
+    assert names["sDA300_50_pct"] == "Spatial daylight autonomy sDA300/50% (LM-83)"
+    assert names["UDI_exceeded_mean_pct"].endswith("exceeded (above 3000 lx), mean")
+    assert names["electric_ceiling_row_h"] == "Burning hours of the lamps ceiling_row"
+    assert names["EN17037_by_factor_high_target_pct"].endswith(
+        "high: area with the factor of 750 lx"
+    )
+    assert names["blinds_south_not_in_first_state_pct"].startswith("Blinds of south not in")
+    for level in ("minimum", "medium", "high"):
+        assert metric_name(f"EN17037_view_{level}_pct").endswith(f"level {level} or better")
+    assert metric_name("EN17037_view_level") == "View out (EN 17037): level"
+    assert metric_name("anything") == "anything"
 
 
 def test_rows_of_lm83_are_of_its_hours():
