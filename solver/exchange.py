@@ -164,6 +164,7 @@ def make_sources(
     cell_eps: FloatArray,
     scan: Scan | None = None,
     dim: FloatArray | None = None,
+    quadrics: FloatArray | None = None,
 ) -> Sources:
     """Pack elements as sources; they must be sorted by patch and side, as `make_elements` does.
 
@@ -179,6 +180,8 @@ def make_sources(
         Finds the shares of weak pairs along meridians; without, every pair is traced.
     dim : (n,) array, optional
         Share of the error allowed to unoccluded factors that each may have; all of it by default.
+    quadrics : (p, 5, 4) array, optional
+        That the patches lie on, where they are known: see `kept_quadrics`.
     """
     key = elements.patch_index * 2 + elements.side
     first = np.flatnonzero(np.concatenate([[True], np.diff(key) != 0]))
@@ -189,10 +192,12 @@ def make_sources(
     group_nets[flip] = group_nets[flip][:, ::-1]
     flags = shape_flags(group_nets)
     cones = normal_cones(elements.nets)
-    quadrics = np.zeros((len(first), 5, 4))
+    own = np.zeros((len(first), 5, 4))
     curved = np.flatnonzero(flags & PLANAR == 0)
-    quadrics[curved] = turned(fit_quadrics(patch_nets[patch[curved]]), flip[curved])
-    quadrics = np.repeat(quadrics, end - first, axis=0)
+    of = patch[curved]
+    fits = fit_quadrics(patch_nets[of]) if quadrics is None else quadrics[of]
+    own[curved] = turned(fits, flip[curved])
+    own = np.repeat(own, end - first, axis=0)
     edges = make_edges(
         elements.nets,
         patch_nets,
@@ -207,7 +212,7 @@ def make_sources(
         cones=cones,
         spheres=bounding_spheres(elements.nets),
         flags=np.repeat(flags, end - first),
-        quadrics=writable(quadrics),
+        quadrics=writable(own),
         cell_eps=writable(cell_eps),
         patch=writable(elements.patch_index, np.int64),
         group=writable(np.stack([first, end, patch], axis=1), np.int64),
@@ -218,7 +223,7 @@ def make_sources(
         exact_above=np.zeros(len(key)) if scan is None else writable(scan.exact_above),
         point_from=_point_from(edges, scan),
         dim=np.ones(len(key)) if dim is None else writable(dim),
-        **find_walls(quadrics, elements.areas)._asdict(),
+        **find_walls(own, elements.areas)._asdict(),
         **edges._asdict(),
         **(no_facets() if scan is None else scan.facets)._asdict(),
     )

@@ -19,6 +19,7 @@ from .highlights import Highlights
 from .incident import Gathered, Incidence, Light
 from .iterated import Finer, finer_light, weights_at
 from .kept_mesh import Mesh
+from .kept_quadrics import kept_quadrics
 from .kernels.nets import PLANAR
 from .kernels.pyramid import Blockers
 from .kernels.rows import Sources
@@ -134,6 +135,7 @@ class FieldSolver:
                     budget,
                     elements,
                     fineness,
+                    kept_quadrics(self.kept, self.blockers),
                     trace=self.trace,
                 ),
             )

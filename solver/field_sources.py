@@ -63,16 +63,18 @@ def sources_of(
     budget: Budget,
     elements: Elements,
     fineness: Fineness,
+    quadrics: FloatArray,
     *,
     trace: bool,
 ) -> tuple[Sources, FloatArray]:
     """Elements as sources, and how far their facets leave them.
 
-    The finer cells of one are cut, the weaker are the pairs that are traced.
+    The finer cells of one are cut, the weaker are the pairs that are traced. ``quadrics`` (p, 5, 4)
+    are those that the patches lie on.
     """
     nets, opaque = scene.patches.control_points, panes.opaque(elements)
     if not trace:
-        sources = make_sources(opaque, nets, fineness.cell_eps, dim=fineness.dim)
+        sources = make_sources(opaque, nets, fineness.cell_eps, None, fineness.dim, quadrics)
         return sources, np.zeros(len(elements))
     of = nets, blockers.closed, blockers.solid
     size = budget.size if budget.is_large else 0.0
@@ -85,7 +87,7 @@ def sources_of(
     exact_above[~told] *= cell_eps[~told] / budget.cell_eps
     share = POINT_SHARE_OF_MANY if budget.is_large else POINT_SHARE
     scan = Scan(facets, budget.lines, exact_above, share * budget.eps)
-    sources = make_sources(opaque, nets, cell_eps, scan, fineness.dim)
+    sources = make_sources(opaque, nets, cell_eps, scan, fineness.dim, quadrics)
     return sources, panes.lifts(lifts, elements)
 
 

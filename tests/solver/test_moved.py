@@ -8,11 +8,13 @@ from patchlight.solver import arrangement, gap_cuts, reuse, store
 from patchlight.solver.budget import Budget
 from patchlight.solver.containment import Containment
 from patchlight.solver.field_rows import FieldRows
+from patchlight.solver.kept_quadrics import kept_quadrics
 from patchlight.solver.mesh import Boxes
 from patchlight.solver.mesher import Mesher
 from patchlight.solver.model import PatchSet
 from patchlight.solver.moved_blockers import kept_blockers
 from patchlight.solver.moved_elements import kept_elements
+from patchlight.solver.quadrics import fit_quadrics
 from patchlight.solver.simulation import solve
 from patchlight.solver.stages import Stages
 from patchlight.solver.topology import make_blockers
@@ -163,6 +165,25 @@ def test_blockers_are_those_that_are_made_anew():
     for name, array in found[1]._asdict().items():
         assert np.array_equal(array, getattr(own, name)), name
     assert not np.array_equal(found[0].nets, found[1].nets)
+
+
+def test_quadrics_of_what_has_not_moved_are_known(monkeypatch):
+    shapes = BALL.moved((0.0, 0.0, 0.3)), BALL.moved((0.2, 0.1, 0.3))
+    fitted = []
+
+    def counted(nets):
+        fitted.append(len(nets))
+        return fit_quadrics(nets)
+
+    monkeypatch.setattr("patchlight.solver.kept_quadrics.fit_quadrics", counted)
+    for at in shapes:
+        made = scene(setup(Body(BALL.moved((-1.5, 2.0, 0.31))), Body(at)), lamps=[])
+        kept = reuse.Kept(made, stages=Stages(), store=store.STORE)
+        blockers = make_blockers(made.patches, made.closed, made.patches.part_index)
+        found = kept_quadrics(kept, blockers)
+        np.testing.assert_allclose(found, fit_quadrics(made.patches.control_points), rtol=1e-12)
+    assert fitted == [2 * len(BALL.control_points), len(BALL.control_points)]
+    assert found[:, 4, 3].all()
 
 
 def mesher_of(made, kept_in):
