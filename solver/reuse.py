@@ -121,6 +121,8 @@ class Kept:
         self.exact = False
         #: Rows that are not, by name.
         self.old_rows: dict[str, OldRows] = {}
+        #: Arrays of sources, and their digests: several sets of rows ask for the same ones.
+        self._digests: dict[int, tuple[Any, bytes]] = {}
         self._base = self._parts = b""
         if store is not None:
             kinds = [(part.path, part.kind) for part in scene.parts]
@@ -185,7 +187,7 @@ class Kept:
         sky = self.scene.sky
         tone = np.empty(0) if sky is None else np.asarray(sky_tone(sky))
         known = None if sees_sky is None else tone
-        of = (tolerances(asked.budget), *_of_rows(asked), more)
+        of = (tolerances(asked.budget), *self._of_rows(asked), more)
         where = digest(self._parts, self.beside, name, which, of[0], more)
         stand = self._stand(asked)
         self.old_rows.pop(name + which, None)
@@ -242,6 +244,13 @@ class Kept:
 
     def _count(self, rows: int, pairs: int) -> None:
         self.stages.count({"rows_reused": rows, "pairs_reused": pairs})
+
+    def _of_rows(self, asked: Ask) -> tuple[Any, ...]:
+        for array in asked.sources:
+            if id(array) not in self._digests:
+                self._digests[id(array)] = array, digest(array)
+        sources = [self._digests[id(array)][1] for array in asked.sources]
+        return asked.receivers, sources, asked.lifts, asked.fine, asked.first, asked.hidden
 
     def _after_moves(
         self,
@@ -445,7 +454,3 @@ def _new_mark() -> bytes:
 def tolerances(budget: Budget) -> Budget:
     """The same without the number of sensors: nothing else depends on it."""
     return dataclasses.replace(budget, receivers=0)
-
-
-def _of_rows(asked: Ask) -> tuple[Any, ...]:
-    return asked.receivers, asked.sources, asked.lifts, asked.fine, asked.first, asked.hidden
