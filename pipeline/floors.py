@@ -78,10 +78,19 @@ class PlanView:
             regions += section(self.patches.take(rows), z, self.size)
         if not regions:
             return shapely.Polygon()
-        inner = [region.representative_point() for region in regions]
+        inner = [point_of(region, regions) for region in regions]
         points = np.array([[p.x, p.y, z] for p in inner])
         inside = inside_solids(self.data, points)
         return joined([r for r, yes in zip(regions, inside, strict=True) if yes], self.size)
+
+
+def point_of(region: BaseGeometry, regions: list[Any]) -> Any:
+    """A point in a region, outside of all smaller ones: of a room, not in what stands in it."""
+    import shapely
+
+    smaller = [other for other in regions if other.area < region.area]
+    rest = region.difference(shapely.union_all(smaller)) if smaller else region
+    return (region if rest.is_empty else rest).representative_point()
 
 
 def floor_outline(view: PlanView, z: float) -> tuple[BaseGeometry | None, float]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .budget import Budget
 from .dome import DomeLight
@@ -81,6 +82,14 @@ class Gathered:
         deviation = np.concatenate([p.deviation for p in parts])
         suns = [p.sun for p in parts if p.sun is not None]
         return cls(components, deviation, np.concatenate(suns) if suns else None)
+
+    def without(self, rows: NDArray[np.bool_]) -> Gathered:
+        """The same with no light on some receivers (m,)."""
+        return replace(
+            self,
+            components={k: np.where(rows[:, None], 0.0, v) for k, v in self.components.items()},
+            deviation=np.where(rows, 0.0, self.deviation),
+        )
 
     def luminous(self, kind: str = "") -> FloatArray:
         """Illuminance (m,), of one kind (``"direct"``, ``"indirect"``) or in all. [lx]"""

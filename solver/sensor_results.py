@@ -22,14 +22,20 @@ def sensor_result(
     more: FloatArray,
     outdoors: FloatArray | float = 0.0,
     *,
+    least: float = 0.0,
     spectral: bool = True,
 ) -> SensorResult:
     """Light at the sensors of a grid; ``more`` (m,) is all error but that of samples. [lx]
 
-    ``outdoors`` (m,) of their light of sky and ground comes straight from surfaces outdoors. Its
-    colour is told with ``spectral`` alone, where it is asked for.
+    ``outdoors`` (m,) of their light of sky and ground comes straight from surfaces outdoors. Light
+    that is less than ``least`` with its error is none. [lx] Its colour is told with ``spectral``
+    alone, where it is asked for.
     """
     grid = scene.sensors[index]
+    dark = gathered.luminous() + more + 2.0 * gathered.deviation < least
+    if dark.any():
+        gathered, more = gathered.without(dark), np.where(dark, 0.0, more)
+        outdoors = np.where(dark, 0.0, outdoors)
     components = {name: luminous(v) for name, v in gathered.components.items()}
     error = more + 2.0 * gathered.deviation
     return SensorResult(

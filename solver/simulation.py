@@ -46,6 +46,8 @@ from .surfaces import reflectances
 
 #: How often the mesh is cut further where the accuracy asked for is not reached.
 REFINEMENTS = 3
+#: Of the brightest light on surfaces: what sensors have less of is rounding, as in a shut room.
+NOTHING = 2.0**-52
 #: Ways to solve a scene.
 METHODS = ("default", "nn93")
 
@@ -458,12 +460,14 @@ class Simulation:
         kept = kept_error(field, finer, solver.kept, dict(zip(names, seen, strict=True)))
         sensors, without_mesh = {}, {}
         is_overcast = tells_daylight_factors(self.scene)
+        least = NOTHING * float(finer.light.luminous().max())
         for k, grid in enumerate(self.scene.sensors):
             gathered, doubt, rules = solver.gather(grid, seen[k], field, finer)
             mesh, rest = error.of(gathered, doubt), rules + kept.sensors[k]
             outdoors = solver.from_outdoors(seen[k], field, finer) if is_overcast else 0.0
-            sensors[grid.name] = sensor_result(self.scene, k, gathered, mesh + rest, outdoors)
-            without_mesh[grid.name] = sensor_result(self.scene, k, gathered, rest, spectral=False)
+            found = self.scene, k, gathered
+            sensors[grid.name] = sensor_result(*found, mesh + rest, outdoors, least=least)
+            without_mesh[grid.name] = sensor_result(*found, rest, least=least, spectral=False)
         return Solved(field, finer, balance, error, kept, sensors, without_mesh, tuple(seen))
 
     def judge(self, solved: Solved) -> bool:

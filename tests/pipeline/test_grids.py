@@ -106,6 +106,19 @@ def test_column_cuts_a_hole(make_model):
     assert len(g) == 64 - 4
 
 
+@pytest.mark.parametrize("low", [0.0, 0.5], ids=["column", "hanging"])
+def test_what_stands_in_the_middle_of_a_room_does_not_fill_it(low):
+    """A room as one solid with a cavity: a point in the middle of it lies in the column."""
+    import cadquery as cq
+    from patchlight.pipeline import from_cadquery
+
+    room = cq.Workplane().box(4.4, 3.4, 3.2).cut(cq.Workplane().box(4, 3, 2.8))
+    column = cq.Workplane().box(1.0, 1.0, 2.8 - low).translate((0, 0, 0.5 * low))
+    model = cq.Assembly(name="m").add(room, name="room").add(column, name="column")
+    g = grid_of(Scene(from_cadquery(model, unit="m")), z=-0.6)
+    assert g.area_m2.sum() == pytest.approx(11.0, rel=1e-6)
+
+
 def test_air_volume_has_its_floor(make_model):
     model = make_model("m", {"volume": ((4.0, 3.0, 2.8), (2.0, 1.5, 1.4), False)})
     scene = Scene(model)

@@ -95,6 +95,22 @@ def test_a_finer_mesh_that_does_not_fit_is_not_made(monkeypatch):
     assert not result.converged
 
 
+def test_a_shut_room_under_a_sky_is_dark():
+    """Not 1e-26 lx, the rounding of what falls on its outside, with an error as large."""
+    import cadquery as cq
+    from patchlight.pipeline import from_cadquery, simulate
+
+    room = cq.Workplane().box(4.4, 3.4, 3.2).cut(cq.Workplane().box(4, 3, 2.8))
+    shut = Scene(from_cadquery(room, name="room", unit="m"))
+    shut.sky = CIESky(12, diffuse_illuminance_lx=2e4, sun_altitude_deg=40.0, sun_azimuth_deg=160.0)
+    shut.add(SensorGrid.on_plane("desk", z=-0.6, spacing=1.0))
+    result = simulate(shut, accuracy=0.02)
+    assert result.converged
+    assert not result.sensors["desk"].illuminance_lx.any()
+    assert not result.sensors["desk"].error_lx.any()
+    assert any("dark grid" in line for line in result.warnings)
+
+
 def test_dark_scene_warns():
     result = solve(scene(setup(ROOM, LAMP), sensors=[PLANE]), accuracy=0.3)
     assert any("dark scene" in line for line in result.warnings)
