@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arrangement import Changed
 from .budget import Budget
@@ -454,8 +455,10 @@ class FieldSolver:
         """Direct light of sky, sun and ground on any receivers, as at sensors."""
         return self._incidence.from_outside(receivers, budget, not self.in_cavity)
 
-    def outside_on(self, elements: Elements, unknowns: Unknowns, budget: Budget) -> Light:
-        """The same on unknowns of elements."""
+    def outside_on(
+        self, elements: Elements, unknowns: Unknowns, budget: Budget
+    ) -> tuple[Light, NDArray[np.bool_]]:
+        """The same on unknowns of elements, and at which it is the mean of the sun's."""
         return self._incidence.alone_on(elements, unknowns, budget, not self.in_cavity)
 
     def _gathered(

@@ -172,23 +172,26 @@ class Incidence:
 
     def alone_on(
         self, elements: Elements, unknowns: Unknowns, budget: Budget, sees_out: bool
-    ) -> Light:
-        """Direct light of sky, sun and ground on unknowns whose rows nobody asks for."""
+    ) -> tuple[Light, NDArray[np.bool_]]:
+        """Direct light of sky, sun and ground on unknowns (N,) whose rows nobody asks for.
+
+        Also at which of them it is the mean of the sun's, see `put_sun_means`.
+        """
         light = self.from_outside(unknowns.receivers, budget, sees_out, on_elements=True)
-        self._put_sun_means(light, elements, unknowns, sees_out)
-        return light
+        return light, self._put_sun_means(light, elements, unknowns, sees_out)
 
     def _put_sun_means(
         self, light: Light, elements: Elements, unknowns: Unknowns, sees_out: bool
-    ) -> None:
+    ) -> NDArray[np.bool_]:
         """Means of the sun's light over parts of elements: nodes may miss its disc."""
         sun, found = self.scene.sun, light.direct.get("sun")
         if sun is None or found is None or not (self.trace and sees_out and is_up(sun)):
-            return
+            return np.zeros(len(unknowns), dtype=bool)
         with self.stages.run("sun"):
             color, sky = self.colors.sun, self.open_sky
-            count = put_sun_means(found, light.variance, sun, color, elements, unknowns, sky)
-            self.stages.count({"sun_means": count})
+            told = put_sun_means(found, light.variance, sun, color, elements, unknowns, sky)
+            self.stages.count({"sun_means": int(told.sum())})
+        return told
 
     def _known_outside(self, asked: Ask, scanned: FloatArray, sees_out: bool) -> FloatArray:
         """``scanned`` (m, 5) by the meridians, put right where few flat surfaces hide the sky."""

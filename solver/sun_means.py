@@ -38,8 +38,8 @@ _SAME = 1e-2
 def put_sun_means(
     light: FloatArray, variance: FloatArray, sun: Sun, color: FloatArray, elements: Elements,
     unknowns: Unknowns, sky: OpenSky,
-) -> int:  # fmt: skip
-    """Put means into ``light`` (N, b) at the unknowns, in place; returns how many.
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Put means into ``light`` (N, b) at the unknowns, in place; returns at which (N,).
 
     Parameters
     ----------
@@ -82,7 +82,9 @@ def put_sun_means(
         )
         light[rows[some]] = found[:, None] * color
         variance[rows[some]] += (_deviation(points) * whole) ** 2
-    return int((~even).sum())
+    told = np.zeros(len(light), dtype=bool)
+    told[rows[~even]] = True
+    return told
 
 
 def _deviation(points: int) -> float:

@@ -108,7 +108,13 @@ def test_nothing_is_exchanged_and_why_is_said():
 
 @pytest.mark.parametrize(
     "data, accuracy, order, every",
-    [(room(), 0.1, 12, 1), (room(sky=CLEAR), 0.02, 12, 2), (ball(sun=None), 0.1, 4, 4)],
+    [
+        (room(), 0.1, 12, 1),
+        (room(sky=CLEAR), 0.02, 12, 2),
+        (ball(sun=None), 0.1, 4, 4),
+        (room(sky=None, sun=SUN), 0.1, 12, 1),
+        (ball(sky=None, ground=None), 0.1, 12, 2),
+    ],
 )
 def test_errors_of_elements_hold(data, accuracy, order, every):
     """Against 144 nodes an element instead of four, or 16, at 95 % of the elements."""
