@@ -252,8 +252,8 @@ def assemble(
                     patches=len(face.nets), deviation_m=face.deviation * length,
                     angle_deg=face.angle_deg, area_m2=face.area * area_factor,
                     area_error=face.area_error, gap_m=face.gap * length,
-                    free_edge_m=face.free_edge * length, reason=face.reason, name=looks.name,
-                    color=looks.color,
+                    free_edge_m=face.free_edge * length, normals_left_out=face.left_out,
+                    reason=face.reason, name=looks.name, color=looks.color,
                 )
             )  # fmt: skip
         edge_base += len(found.edges.kind)

@@ -33,6 +33,9 @@ TINY = 1e-300
 #: Turn of a surface within the tolerance above which it has no normal there [rad]: that of a radius
 #: of twice the tolerance.
 CREASE = 0.5
+#: Sine of the angle between the sides of a patch up to which they leave a corner in one direction:
+#: what is left of its Jacobian may be small elsewhere because parameters run slowly.
+CUSP = 0.1
 _AREA = np.outer(_INTEGRAL, _INTEGRAL).ravel()
 
 
@@ -42,7 +45,7 @@ class Asked:
 
     ``tolerance`` [file units] and ``angle_deg`` of the normal, ``area_limit`` relative, ``scale``
     the size of |S_u| |S_v|, ``leans_deg`` by which normals lean over where the surface moves to its
-    edges, and ``least`` the Jacobian of a patch up to which its normals do not count.
+    edges, and ``least`` the Jacobian of a patch up to which it has no normal at a cusp.
     """
 
     tolerance: FloatArray
@@ -62,10 +65,12 @@ class Asked:
 
 @dataclass(slots=True)
 class Found:
-    """Errors (n, 4): distance, angle [deg], area and its error; which patches are good enough.
+    """What is found of some patches; which of them are good enough.
 
-    ``jacobian`` (n,) is the largest of each patch. ``split`` (n,) says how to halve those that are
-    not: in s (1), t (2) or both (3); ``over`` in which directions the tolerance is missed.
+    ``errors`` (n, 5): distance, angle [deg], area and its error, and at how many points normals
+    that are off by more than the angle asked for do not count. ``jacobian`` (n,) is the largest of
+    each patch. ``split`` (n,) says how to halve those that are not good enough: in s (1), t (2) or
+    both (3); ``over`` in which directions the tolerance is missed.
     """
 
     errors: FloatArray
@@ -99,18 +104,18 @@ def _worst(a: FloatArray) -> FloatArray:
     return np.asarray(a.max(axis=(1, 2)))
 
 
-def _creased(points: FloatArray, normals: FloatArray, tolerance: FloatArray) -> BoolArray:
-    """Points (n, 7, 7) of a surface with unit ``normals`` at which it is too sharp to have one.
+def _creased(
+    p: FloatArray, q: FloatArray, m: FloatArray, n: FloatArray, tolerance: FloatArray
+) -> BoolArray:
+    """Points p (k, 3) of surfaces, with unit normals ``m``, at which these are too sharp for one.
 
-    There its normal is another by more than `CREASE` at a point within the tolerance (n,): a fold
-    or cusp, or a radius under twice the tolerance. No patch that may be off by that much has a
-    normal to be compared.
+    There the surface has a normal ``n`` (k, 49, 3) that is another by more than `CREASE` at a point
+    ``q`` (k, 49, 3) within the ``tolerance`` (k,): a fold or cusp, or a radius under twice the
+    tolerance. No patch that may be off by that much has a normal to be compared.
     """
-    n = len(points)
-    p, m = points.reshape(n, 49, 3), normals.reshape(n, 49, 3)
-    near = length(p[:, None] - p[:, :, None]) <= tolerance[:, None, None]
-    turned = m @ m.swapaxes(1, 2) < math.cos(CREASE)
-    return np.asarray((near & turned).any(axis=2).reshape(n, 7, 7))
+    near = length(q - p[:, None]) <= tolerance[:, None]
+    turned = (n @ m[..., None])[..., 0] < math.cos(CREASE)
+    return np.asarray((near & turned).any(axis=1))
 
 
 def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) -> Found:
@@ -126,7 +131,7 @@ def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) 
     n_face = n_face / np.where(b > 0.0, b, 1.0)[..., None]
     n_patch = n_patch / np.where(a > 0.0, a, 1.0)[..., None]
     off = x - p
-    distance = np.where(ok, np.abs((off * n_face).sum(axis=-1)), 0.0)
+    distance = np.where(ok, np.abs((off * n_face).sum(axis=-1)), length(off))
     # On the border and where no normal is reliable the distance itself counts; along the border
     # sliding on the curve is harmless.
     for row, tangent in (
@@ -142,11 +147,17 @@ def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) 
     normal = cross(ps, _DERIVATIVE @ p)
     wanted = length(normal)
     tolerance, limit = asked.tolerance[:, None, None], asked.angle_deg[:, None, None]
-    missed = np.flatnonzero(_worst(angle) > asked.angle_deg)
-    if len(missed):
-        ok[missed] &= ~_creased(p[missed], n_face[missed], asked.tolerance[missed])
-        ok[missed] &= a[missed] > asked.least[missed, None, None]
-        angle = np.where(ok, angle, 0.0)
+    left_out = np.zeros(n)
+    at = i, _, _ = np.nonzero(angle > limit)
+    if len(i):
+        sine = a[at] / np.maximum(length(xs[at]) * length(xt[at]), TINY)
+        none = (a[at] <= asked.least[i]) & (sine <= CUSP)
+        none |= _creased(
+            p[at], p.reshape(n, 49, 3)[i], n_face[at], n_face.reshape(n, 49, 3)[i],
+            asked.tolerance[i],
+        )  # fmt: skip
+        ok[at], angle[at] = ~none, np.where(none, 0.0, angle[at])
+        left_out = np.bincount(i[none], minlength=n).astype(np.float64)
     # Where the surface was moved to its edges no halving brings its own normal back.
     bent = angle
     leans = asked.leans_deg[:, None, None]
@@ -180,7 +191,7 @@ def compared(nets: FloatArray, p: FloatArray, n_face: FloatArray, asked: Asked) 
     # Halves of what is narrower than the tolerance say nothing new.
     thin_s, thin_t = (_worst(length(d)) < asked.tolerance for d in (xs, xt))
     split = np.where(thin_s & ~thin_t, 2, np.where(thin_t & ~thin_s, 1, split))
-    errors = np.stack([distance.max(axis=(1, 2)), angle.max(axis=(1, 2)), area, excess], axis=1)
+    errors = np.stack([_worst(distance), _worst(angle), area, excess, left_out], axis=1)
     extent = np.ptp(x.reshape(n, 49, 3), axis=1).max(axis=1)
     kept = _worst(measure) <= 1.0
     limited = np.isfinite(asked.area_limit)

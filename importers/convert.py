@@ -56,6 +56,7 @@ class FacePatches:
     area: float = 0.0
     area_error: float = float("nan")
     free_edge: float = 0.0
+    left_out: int = 0
     reason: str = ""
     #: What the area is checked against, until it is.
     domain: Domain | None = None
@@ -363,7 +364,7 @@ def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN) -> Run:
     exact = exact and result.gap <= 1e-7 * job.size
     out = FacePatches(
         surface.kind, nets, edges, exact, result.deviation, result.angle_deg,
-        max(job.gap, result.gap), float(areas.sum()),
+        max(job.gap, result.gap), float(areas.sum()), left_out=result.left_out,
     )  # fmt: skip
     if not exact:
         out.reason = "trimmed curved surface" if box is None else "surface of higher degree"
