@@ -38,8 +38,8 @@ DEEPEST = 9
 #: with hundreds of holes has thousands of cells before any is halved.
 MOST_BOXES = 1000
 MOST_OF_CELL = 4
-#: Boxes done at a time: the temporary arrays stay in the processor's cache.
-_CACHED_BOXES = 128
+#: Boxes done at a time: of fewer the calls cost more, and the arrays of more leave the cache.
+_CACHED_BOXES = 256
 #: Halving is of use where it leaves at most this share of the angle; it is given up after so many
 #: halvings in vain.
 STUCK = 0.8
