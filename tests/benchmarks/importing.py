@@ -41,6 +41,8 @@ from patchlight.solver.model import Model, PatchSet
 from patchlight.solver.model.bezier import surface_points
 
 SUFFIXES = (".step", ".stp")
+#: The part that is made here, which is left out of the sums.
+OWN = "studs.step"
 #: Inner points of a patch at which its shape is judged: collapsed sides are left out.
 INNER = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
 #: A side is matched by one whose ends and inner points agree to this share of the part's size.
@@ -390,7 +392,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(HEAD)
     with tempfile.TemporaryDirectory() as folder:
         if options.studs:
-            files.append(Path(folder) / "studs.step")
+            files.append(Path(folder) / OWN)
             # In a process of its own: children count the memory of the one they come from.
             made = (options.studs, files[-1])
             maker = multiprocessing.get_context("spawn").Process(target=studs, args=made)
@@ -402,7 +404,7 @@ def main(arguments: list[str] | None = None) -> int:
             for what in ("reasons", "missed"):
                 for reason in found[path.name].get(what, []):
                     print(f"    {'failed' if what == 'reasons' else 'off'}: {reason}")
-    print("\n".join(totals(found)))
+    print("\n".join(totals({n: r for n, r in found.items() if n != OWN})))
     if options.output:
         options.output.write_text(json.dumps(found, indent=1), encoding="utf-8")
     return int(any("error" in r for r in found.values()))
