@@ -326,8 +326,8 @@ def _best(job: _Job, box: Rectangle | None) -> Run:
             break
         try:
             other = yield from _adaptive(job, box, thin=thin, first=first)
-        except GeometryError:
-            continue
+        except ERRORS:
+            continue  # there are patches already
         if not _missed(other) or other.angle_deg < out.angle_deg:
             out = other
     return out
