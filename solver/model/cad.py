@@ -189,11 +189,12 @@ class Certificate:
     part_paths : tuple of str
         Paths of the parts that ``Face.part`` counts.
     seconds : float
-        Reading and conversion, without the area check. [s]
+        Reading and conversion, without the checks. [s]
     notes : tuple of str
         What was repaired or turned, one line each.
     reading_seconds, area_seconds : float
-        The share of the CAD kernel's reading in ``seconds``, and the area check. [s]
+        The share of the CAD kernel's reading in ``seconds``, and the checks: of areas, and by the
+        CAD kernel of shapes whose faces are all right, of which it makes no more than a note. [s]
     part_edges : tuple of dict
         By part: how many of its B-rep edges are of each of `EDGE_KINDS`, as `CadEdges` says.
     """

@@ -4,16 +4,16 @@
                                                 [--studs 26]
 
 Each file is converted in a process of its own. The table gives per file: faces; those that are
-exact, approximated, failed, or off in area; CPU seconds of reading, of untrimming and of the area
-check apart; faces a second without and with reading (equal parts count once); the slowest face,
-converted again by itself, and the peak of memory; the largest deviation relative to the part and
-angle of a normal [deg]; the worst area error of exact (=) and of approximated (~) faces; patches,
-the largest aspect (mean length along u over that along v, or its inverse) and smallest ratio of
-Jacobians inside a patch; how many times faster the file is read from the cache; and sides on an
-edge of the file that no other side of the part equals, of all. Faces that fail or miss a tolerance
-are named. Below it: patches a face by kind of surface, and of trimmed faces (no rectangle in
-(u, v)) beside the least number that four-sided patches can do with (`least_patches`) and 5 + 5 a
-hole.
+exact, approximated, failed, or off in area; CPU seconds of reading, of untrimming and of the checks
+(areas, and the CAD kernel's own) apart; faces a second without and with reading (equal parts count
+once); the slowest face, converted again by itself, and the peak of memory; the largest deviation
+relative to the part and angle of a normal [deg]; the worst area error of exact (=) and of
+approximated (~) faces; patches, the largest aspect (mean length along u over that along v, or its
+inverse) and smallest ratio of Jacobians inside a patch; how many times faster the file is read from
+the cache; and sides on an edge of the file that no other side of the part equals, of all. Faces
+that fail or miss a tolerance are named. Below it: patches a face by kind of surface, and of trimmed
+faces (no rectangle in (u, v)) beside the least number that four-sided patches can do with
+(`least_patches`) and 5 + 5 a hole.
 
 ``--studs N`` adds a plate with N x N studs, 3 N² + 6 faces: memory and time of a large part.
 """
