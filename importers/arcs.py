@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from copy import copy
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from patchlight.solver.model.arrays import FloatArray
@@ -20,11 +20,13 @@ from .chains import SAME_CURVE, Part, Piece, normalised
 from .curves import Curve, Line
 
 SAMPLES = np.linspace(0.0, 1.0, 17)
-_SAMPLE_BASIS = bernstein(SAMPLES)
 _START_AND_END = np.array([0.0, 1.0])
 _UNSCALED = np.ones(2)
+#: How near to an end its direction is taken.
 _END_STEP = 2e-3
-_ENDS = np.array([0.0, _END_STEP, 1.0 - _END_STEP, 1.0])
+#: Where curved arcs are looked at: at the samples, and next to the ends.
+_LOOK = np.append(SAMPLES, [_END_STEP, 1.0 - _END_STEP])
+_LOOK_BASIS = bernstein(_LOOK)
 #: Share of an arc that counts as nothing.
 NEAR = 1e-4
 #: What takes a cubic to its halves.
@@ -62,6 +64,7 @@ class Arc:
     scale: FloatArray
     _ends: FloatArray | None = None
     _samples: FloatArray | None = None
+    _near: FloatArray | None = None
     _directions: tuple[FloatArray, FloatArray] | None = None
 
     def at(self, s: FloatArray) -> FloatArray:
@@ -85,15 +88,24 @@ class Arc:
     def samples(self) -> FloatArray:
         """Points (17, 2) in scaled coordinates."""
         if self._samples is None:
-            self._samples = self.at(SAMPLES) * self.scale
+            self._look()
+        assert self._samples is not None
         return self._samples
 
     @property
     def ends(self) -> FloatArray:
         """Start and end (2, 2) in scaled coordinates."""
         if self._ends is None:
-            self._ends = self.at(_START_AND_END) * self.scale
+            if self.straight:
+                self._ends = self.at(_START_AND_END) * self.scale
+            else:
+                self._ends = self.samples[[0, -1]]
         return self._ends
+
+    def _look(self) -> None:
+        """Note the samples and the points next to the ends."""
+        points = self.at(_LOOK) * self.scale
+        self._samples, self._near = points[: len(SAMPLES)], points[len(SAMPLES) :]
 
     @property
     def outline(self) -> FloatArray:
@@ -103,10 +115,8 @@ class Arc:
     @property
     def extent(self) -> float:
         """The longer side of the box around it, scaled coordinates."""
-        a, b = self.outline[0].tolist(), self.outline[-1].tolist()
-        if not self.straight:
-            a, b = self.samples.min(axis=0).tolist(), self.samples.max(axis=0).tolist()
-        return max(abs(b[0] - a[0]), abs(b[1] - a[1]))
+        x, y = self.outline.T.tolist()
+        return max(max(x) - min(x), max(y) - min(y))
 
     @property
     def start(self) -> FloatArray:
@@ -116,6 +126,12 @@ class Arc:
     def end(self) -> FloatArray:
         return self.ends[1]
 
+    def _twin(self) -> Self:
+        """The same arc once more; `copy.copy` takes six times as long."""
+        out = object.__new__(type(self))
+        out.__dict__.update(self.__dict__)
+        return out
+
     def _run_backwards(self) -> None:
         """Turn what is kept of the arc around."""
         self.weights = self.weights[::-1]
@@ -123,6 +139,8 @@ class Arc:
             self._ends = self._ends[::-1]
         if self._samples is not None:
             self._samples = self._samples[::-1]
+        if self._near is not None:
+            self._near = self._near[::-1]
         if self._directions is not None:
             first, last = self._directions
             self._directions = -last, -first
@@ -131,11 +149,14 @@ class Arc:
     def directions(self) -> tuple[FloatArray, FloatArray]:
         """Unit tangents at the start and the end, scaled coordinates."""
         if self._directions is None:
+            start, end = self.ends
             if self.straight:
-                p = self.ends[[0, 1, 0, 1]]
+                a = b = end - start
             else:
-                p = self.at(_ENDS) * self.scale
-            a, b = p[1] - p[0], p[3] - p[2]
+                if self._near is None:
+                    self._look()
+                assert self._near is not None
+                a, b = self._near[0] - start, end - self._near[1]
             a, b = a / max(math.hypot(*a), 1e-300), b / max(math.hypot(*b), 1e-300)
             self._directions = a, b
         return self._directions
@@ -155,11 +176,11 @@ class NetArc(Arc):
         self._ends = flat[::3, :2] / flat[::3, 2:]
 
     def at(self, s: FloatArray) -> FloatArray:
-        h = (_SAMPLE_BASIS if s is SAMPLES else bernstein(s)) @ self.flat
+        h = (_LOOK_BASIS if s is _LOOK else bernstein(s)) @ self.flat
         return np.asarray(h[..., :2] / h[..., 2:])
 
     def reversed(self) -> NetArc:
-        out = copy(self)
+        out = self._twin()
         out.net, out.flat = self.net[::-1], self.flat[::-1]
         out._run_backwards()
         return out
@@ -260,7 +281,7 @@ class EdgeArc(Arc):
         return (*start.tolist(), *(course[1] * curve.direction).tolist(), *course[2:])
 
     def reversed(self) -> EdgeArc:
-        out = copy(self)
+        out = self._twin()
         out.net = None if self.net is None else self.net[::-1]
         out.parts = [(1.0 - b, 1.0 - a, n[::-1]) for a, b, n in self.parts[::-1]]
         out.run = self.run @ REVERSED
@@ -269,9 +290,9 @@ class EdgeArc(Arc):
 
     def moved(self, by: FloatArray) -> EdgeArc:
         """The same arc a whole period away."""
-        out = copy(self)
+        out = self._twin()
         out.side = replace(self.side, shift=self.side.shift + by)
-        out._ends = out._samples = None
+        out._ends = out._samples = out._near = None
         return out
 
     def halves(self) -> tuple[Arc, Arc]:
@@ -360,7 +381,7 @@ class Chord(Arc):
         return (*self.p.tolist(), *(self.q - self.p).tolist(), self.half, 1.0, 0.0, 0.0, 1.0)
 
     def reversed(self) -> Chord:
-        out = copy(self)
+        out = self._twin()
         out.p, out.q = self.q, self.p
         out.net = None if self.net is None else self.net[::-1]
         out._run_backwards()

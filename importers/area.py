@@ -88,7 +88,8 @@ def _planar_area(face: RawFace, surface: Plane, fineness: int) -> float:
                 total += 0.5 * float(px[0] * py[1] - px[1] * py[0])
                 continue
             t, w = _nodes(_intervals(curve, a, b), fineness)
-            p, d = curve.evaluate(t) - o, curve.slope(t)
+            p, d = curve.both(t)
+            p = p - o
             total += 0.5 * float(w @ ((p @ x) * (d @ y) - (p @ y) * (d @ x)))
     return abs(total)
 
@@ -110,7 +111,8 @@ def _arc_nodes(arc: Arc, knots: KnotLines, fineness: int) -> tuple[FloatArray, F
         curve = arc.side.curve
         a, b = arc.parameter(np.array([0.0, 1.0])).tolist()
         t, w = _nodes(_intervals(curve, a, b), fineness)
-        return curve.evaluate(t) + arc.side.shift, curve.slope(t) * w[:, None]
+        p, d = curve.both(t)
+        return p + arc.side.shift, d * w[:, None]
     if isinstance(arc, EdgeArc):
         p, q = arc.at(np.array([0.0, 1.0]))
     else:

@@ -59,7 +59,7 @@ class Boxes:
 class Leaves:
     """Boxes with their patches, what was measured on these, and what they were compared with.
 
-    ``errors`` (n, 4) as in `compare.Found`; ``points`` and ``normals`` (n, 7, 7, 3) of the surface.
+    ``errors`` (n, 5) as in `compare.Found`; ``points`` and ``normals`` (n, 7, 7, 3) of the surface.
     """
 
     boxes: Boxes

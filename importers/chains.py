@@ -21,6 +21,7 @@ from patchlight.solver.model.bezier import bernstein
 from . import nurbs
 from .curves import SMOOTH, BSpline, Conic, Curve
 from .extract import Edge
+from .together import rows_of
 
 LOBATTO = np.array([0.0, 0.25, 0.75, 1.0])
 #: Control points of a cubic from its values at the Lobatto nodes.
@@ -171,38 +172,41 @@ def _approximate(curve: Curve, cuts: FloatArray, tolerance: float) -> list[Piece
     """
     ends = curve.evaluate(np.linspace(cuts[0], cuts[-1], 9))
     tolerance = min(tolerance, SHARE * float(np.ptp(ends, axis=0).max()))
-    out: list[Piece] = []
     basis = bernstein(_CHECK)
-    for start, end in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
-        knots = (curve.breaks(start, end)[1:-1] - start) / (end - start)
-        parts: list[Part] = []
-        s0, s1 = np.array([0.0]), np.array([1.0])
-        for depth in range(DEEPEST + 1):
-            step = (s1 - s0)[:, None]
-            t = start + (end - start) * (s0[:, None] + step * _AT)
-            points = curve.evaluate(t.ravel()).reshape(*t.shape, -1)
-            net = np.ones((len(s0), 4, points.shape[2] + 1))
-            net[..., :-1] = TO_CONTROL @ points[:, _AT_NODES]
-            offset = basis @ net[..., :-1] - points[:, _AT_CHECK]
-            d = curve.slope(t[:, _AT_CHECK].ravel()).reshape(offset.shape)
-            d = d / np.maximum(np.linalg.norm(d, axis=2, keepdims=True), 1e-300)
-            along = np.einsum("nij,nij->ni", offset, d)
-            across = np.linalg.norm(offset - along[..., None] * d, axis=2)
-            worst = np.maximum(across, 0.25 * np.abs(along)).max(axis=1)
-            good = (worst <= tolerance) | (depth == DEEPEST)
-            if depth == 0:
-                piece = Piece(start, end, net[0], False)
-                out.append(piece)
-                if good[0]:
-                    break
-            rows = zip(s0[good].tolist(), s1[good].tolist(), net[good], strict=True)
-            parts.extend(rows)
-            middle = nurbs.middles(s0[~good], s1[~good], knots)
-            s0, s1 = np.append(s0[~good], middle), np.append(middle, s1[~good])
-            if not len(s0):
-                break
-        piece.parts = sorted(parts, key=lambda part: part[0])
-    return out
+    low, extent = cuts[:-1, None], np.diff(cuts)[:, None]
+    knots = [(curve.breaks(a, b)[1:-1] - a) / (b - a) for a, b in itertools.pairwise(cuts.tolist())]
+    pieces: list[Piece] = []
+    # Parts [s0, s1] of the pieces k, those of all pieces at once.
+    k, s0, s1 = np.arange(len(low)), np.zeros(len(low)), np.ones(len(low))
+    for depth in range(DEEPEST + 1):
+        t = low[k] + extent[k] * (s0[:, None] + (s1 - s0)[:, None] * _AT)
+        points, slopes = (x.reshape(*t.shape, -1) for x in curve.both(t.ravel()))
+        net = np.ones((len(k), 4, points.shape[2] + 1))
+        net[..., :-1] = TO_CONTROL @ points[:, _AT_NODES]
+        offset = basis @ net[..., :-1] - points[:, _AT_CHECK]
+        d = slopes[:, _AT_CHECK]
+        d = d / np.maximum(np.linalg.norm(d, axis=2, keepdims=True), 1e-300)
+        along = np.einsum("nij,nij->ni", offset, d)
+        across = np.linalg.norm(offset - along[..., None] * d, axis=2)
+        worst = np.maximum(across, 0.25 * np.abs(along)).max(axis=1)
+        good = (worst <= tolerance) | (depth == DEEPEST)
+        if depth == 0:
+            whole = zip(cuts[:-1].tolist(), cuts[1:].tolist(), net, strict=True)
+            pieces = [Piece(a, b, cubic, False) for a, b, cubic in whole]
+        else:
+            columns = (x[good].tolist() for x in (k, s0, s1))
+            for i, a, b, part in zip(*columns, net[good], strict=True):
+                pieces[i].parts.append((a, b, part))
+        k, s0, s1 = k[~good], s0[~good], s1[~good]
+        if not len(k):
+            break
+        middle = np.empty(len(k))
+        for i, rows in rows_of(k, np.arange(len(low))):
+            middle[rows] = nurbs.middles(s0[rows], s1[rows], knots[i])
+        k, s0, s1 = np.tile(k, 2), np.append(s0, middle), np.append(middle, s1)
+    for piece in pieces:
+        piece.parts.sort(key=lambda part: part[0])
+    return pieces
 
 
 def _exact(edge: Edge) -> list[Piece] | None:

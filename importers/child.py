@@ -7,6 +7,7 @@ with it.
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from pathlib import Path
@@ -49,7 +50,13 @@ def read(request: dict[str, Any]) -> tuple[Model, list[list[Any]]]:
 
 
 def limit_memory(size: int) -> None:
-    """Let this process take ``size`` bytes at most, where the system can see to that."""
+    """Let this process take ``size`` bytes at most, where the system can see to that.
+
+    Raises
+    ------
+    MemoryError
+        If it has them already: the CAD kernel, left without any, crashes as often as it says so.
+    """
     try:
         import resource
     except ImportError:  # Windows
@@ -58,7 +65,19 @@ def limit_memory(size: int) -> None:
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
     if most != resource.RLIM_INFINITY:
         size = min(size, most)
+    if data_bytes() >= size:
+        raise MemoryError
     resource.setrlimit(resource.RLIMIT_DATA, (size, most))
+
+
+def data_bytes() -> int:
+    """What the limit counts of this process, as Linux tells; 0 elsewhere. [B]"""
+    try:
+        text = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return 0
+    found = re.search(r"^VmData:\s+(\d+) kB", text, re.MULTILINE)
+    return 1024 * int(found[1]) if found else 0
 
 
 def main(argv: list[str]) -> int:
@@ -66,12 +85,12 @@ def main(argv: list[str]) -> int:
     from . import stored
 
     request, answer = json.loads(Path(argv[0]).read_text(encoding="utf-8")), Path(argv[1])
-    if request["memory"] is not None:
-        # Modules that find no memory while they load fail with errors of any kind.
-        from . import assemble, occurrences, xcaf  # noqa: F401
-
-        limit_memory(request["memory"])
     try:
+        if request["memory"] is not None:
+            # Modules that find no memory while they load fail with errors of any kind.
+            from . import assemble, occurrences, xcaf  # noqa: F401
+
+            limit_memory(request["memory"])
         model, _ = read(request)
         stored.write(answer, *stored.from_model(model))
     except PatchlightError as error:

@@ -40,6 +40,8 @@ FOLD = 1e-7
 #: Share of a curved face that cells may cover twice: too little to see in its area.
 THIN_LOSS = 1e-6
 MISSED = "the tolerance was not reached"
+#: Patches of a face above which it is not made anew from sides cut in two: it would take seconds.
+AGAIN = 1000
 
 
 @dataclass(slots=True)
@@ -56,6 +58,7 @@ class FacePatches:
     area: float = 0.0
     area_error: float = float("nan")
     free_edge: float = 0.0
+    left_out: int = 0
     reason: str = ""
     #: What the area is checked against, until it is.
     domain: Domain | None = None
@@ -316,11 +319,17 @@ def _best(job: _Job, box: Rectangle | None) -> Run:
             other = yield from _adaptive(job, box)
             return other if 2 * len(other.nets) < len(nets) and not _missed(other) else out
     out = yield from _adaptive(job, box)
-    if box is None and _missed(out):
-        # Cells with a cusp have no normal there: their sides are worth cutting.
-        other = yield from _adaptive(job, box, thin=STRICT)
-        if other.angle_deg < out.angle_deg:
-            return other
+    # Cells with a cusp have no normal there, and others fold between the samples that their shape
+    # is judged by: their sides are worth cutting, or those of all.
+    for thin, first in ((STRICT, 0), (THIN, 1), (STRICT, 1)):
+        if box is not None or not _missed(out) or (first and len(out.nets) > AGAIN):
+            break
+        try:
+            other = yield from _adaptive(job, box, thin=thin, first=first)
+        except ERRORS:
+            continue  # there are patches already
+        if not _missed(other) or other.angle_deg < out.angle_deg:
+            out = other
     return out
 
 
@@ -333,12 +342,12 @@ def _missed(face: FacePatches) -> bool:
     return face.reason == MISSED
 
 
-def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN) -> Run:
+def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN, first: int = 0) -> Run:
     surface, domain = job.surface, job.domain
     snap = max(10.0 * job.tolerance, 2.0 * job.gap)
     reason = ""
     cells: list[Cell] | None = None
-    for attempt in range(2):
+    for attempt in range(first, first + 2):
         try:
             if box is not None:
                 cells = grid_cells(surface, box, domain.scale)
@@ -363,7 +372,7 @@ def _adaptive(job: _Job, box: Rectangle | None, *, thin: float = THIN) -> Run:
     exact = exact and result.gap <= 1e-7 * job.size
     out = FacePatches(
         surface.kind, nets, edges, exact, result.deviation, result.angle_deg,
-        max(job.gap, result.gap), float(areas.sum()),
+        max(job.gap, result.gap), float(areas.sum()), left_out=result.left_out,
     )  # fmt: skip
     if not exact:
         out.reason = "trimmed curved surface" if box is None else "surface of higher degree"

@@ -183,8 +183,7 @@ def _closed_curved(
     for k, arc in enumerate(arcs):
         before = arcs[k - 1]
         if k > 0:
-            opening = arc.start - before.end
-            if np.linalg.norm(opening) > 1e-4 * size:
+            if math.dist(arc.start, before.end) > 1e-4 * size:
                 out.append(chord(before.end / scale, arc.start / scale))
         out.append(arc)
     opening = (arcs[0].start - arcs[-1].end) / scale

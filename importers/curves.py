@@ -30,6 +30,10 @@ class Curve:
     def slope(self, t: FloatArray) -> FloatArray:
         raise NotImplementedError
 
+    def both(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points and derivatives."""
+        return self.evaluate(t), self.slope(t)
+
     def breaks(self, a: float, b: float) -> FloatArray:
         """Parameters in [a, b] between which the curve is smooth, ends included."""
         return np.array([a, b])
@@ -98,6 +102,11 @@ class Conic(Curve):
         return out
 
 
+def _blended(basis: FloatArray, nets: FloatArray) -> FloatArray:
+    """Coefficients (..., k, d) weighted with polynomials (..., k)."""
+    return np.asarray(np.einsum("...k,...kd->...d", basis, nets))
+
+
 @dataclass(slots=True)
 class BSpline(Curve):
     """Rational B-spline as Bézier pieces; ``knots`` of C0 continuity may be kinks."""
@@ -108,20 +117,26 @@ class BSpline(Curve):
     period: float | None = None
     _turn: float | None = None
 
-    def _homogeneous(self, t: FloatArray, basis: Callable) -> tuple[FloatArray, FloatArray]:
+    def _located(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of the pieces that hold ``t``, the local parameters, and their lengths."""
         t = nurbs.wrap(t, float(self.knots[0]), self.period)
         piece, local, length = nurbs.locate(self.knots, t)
-        return np.einsum("...k,...kd->...d", basis(self.degree, local), self.pieces[piece]), length
+        return self.pieces[piece], local, length
 
     def evaluate(self, t: FloatArray) -> FloatArray:
-        h, _ = self._homogeneous(t, nurbs.bernstein_basis)
+        nets, local, _ = self._located(t)
+        h = _blended(nurbs.bernstein_basis(self.degree, local), nets)
         return np.asarray(h[..., :-1] / h[..., -1:])
 
     def slope(self, t: FloatArray) -> FloatArray:
-        h, length = self._homogeneous(t, nurbs.bernstein_basis)
-        d, _ = self._homogeneous(t, nurbs.bernstein_slope)
-        point = h[..., :-1] / h[..., -1:]
-        return np.asarray((d[..., :-1] - d[..., -1:] * point) / h[..., -1:] / length[..., None])
+        return self.both(t)[1]
+
+    def both(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        nets, local, length = self._located(t)
+        h = _blended(nurbs.bernstein_basis(self.degree, local), nets)
+        d = _blended(nurbs.bernstein_slope(self.degree, local), nets)
+        point = np.asarray(h[..., :-1] / h[..., -1:])
+        return point, (d[..., :-1] - d[..., -1:] * point) / h[..., -1:] / length[..., None]
 
     def breaks(self, a: float, b: float) -> FloatArray:
         return nurbs.knots_between(self.knots, self.period, a, b)

@@ -68,6 +68,7 @@ def inspection(model: Model) -> dict[str, Any]:
             "area_error": _number(f.area_error),
             "gap_m": _number(f.gap_m),
             "free_edge_m": _number(f.free_edge_m),
+            "normals_left_out": f.normals_left_out,
             "reason": f.reason,
             "name": f.name,
             "color": hex_color(f.color),
@@ -91,6 +92,7 @@ def inspection(model: Model) -> dict[str, Any]:
             "max_area_error": c.max_area_error,
             "max_gap_m": c.max_gap_m,
             "free_edge_m": c.free_edge_m,
+            "normals_left_out": c.normals_left_out,
             "edges": c.edges,
             "part_edges": [
                 {"part": path, **counts}

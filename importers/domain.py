@@ -42,9 +42,11 @@ def regions_of(loops: list[Loop]) -> list[list[Loop]]:
     """Loops grouped: each counter-clockwise loop with the clockwise ones inside it."""
     if not loops:
         raise GeometryError("the face has no boundary of any length")
-    areas = np.array([signed_area(outline(loop)) for loop in loops])
+    borders = [outline(loop) for loop in loops]
+    areas = np.array([signed_area(border) for border in borders])
     biggest = int(np.argmax(np.abs(areas)))
-    if areas[biggest] == 0.0 or abs(areas[biggest]) < 1e-14 * _extent(loops[biggest]) ** 2:
+    extent = float(np.ptp(borders[biggest], axis=0).max())
+    if areas[biggest] == 0.0 or abs(areas[biggest]) < 1e-14 * extent**2:
         raise GeometryError("the boundary encloses no area")
     if areas[biggest] < 0.0:
         loops = [[a.reversed() for a in loop[::-1]] for loop in loops]
@@ -71,7 +73,3 @@ def regions_of(loops: list[Loop]) -> list[list[Loop]]:
             )
         regions[home].append(loops[k])
     return list(regions.values())
-
-
-def _extent(loop: Loop) -> float:
-    return float(np.ptp(outline(loop), axis=0).max())

@@ -6,6 +6,7 @@ The CAD kernel is asked once per face and edge; everything after works on arrays
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -157,12 +158,18 @@ def _bezier_curve(c: Any) -> Curve:
     return _simplest(BSpline(np.array([0.0, 1.0]), h[None], n - 1))
 
 
+@cache
+def _steps(n: int) -> FloatArray:
+    """Shares (n, 1) of the way from the first to the last of n points in even steps."""
+    return np.linspace(0.0, 1.0, n)[:, None]
+
+
 def _simplest(curve: BSpline) -> Curve:
     """The line that a spline of one piece is to rounding, else the spline."""
     if len(curve.pieces) > 1:
         return curve
     net = curve.pieces[0]
-    line = np.linspace(net[0], net[-1], len(net))
+    line = net[0] + _steps(len(net)) * (net[-1] - net[0])
     if np.abs(net - line).max() > 1e-15 * np.abs(net).max() or net[0, -1] != net[-1, -1]:
         return curve
     p, q = net[[0, -1], :-1] / net[0, -1]

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 WORTH_S = 0.05
 #: What of a face is a number or text.
 FIELDS = (
-    "kind", "exact", "deviation", "angle_deg", "gap", "area", "area_error", "free_edge", "reason",
+    "kind", "exact", "deviation", "angle_deg", "gap", "area", "area_error", "free_edge", "left_out",
+    "reason",
 )  # fmt: skip
 
 

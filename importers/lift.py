@@ -38,14 +38,14 @@ DEEPEST = 9
 #: with hundreds of holes has thousands of cells before any is halved.
 MOST_BOXES = 1000
 MOST_OF_CELL = 4
-#: Boxes done at a time: the temporary arrays stay in the processor's cache.
-_CACHED_BOXES = 128
+#: Boxes done at a time: of fewer the calls cost more, and the arrays of more leave the cache.
+_CACHED_BOXES = 256
 #: Halving is of use where it leaves at most this share of the angle; it is given up after so many
 #: halvings in vain.
 STUCK = 0.8
 IN_VAIN = 3
-#: Share of the largest Jacobian of a cell up to which normals do not count: where two of its sides
-#: leave a corner in one direction there is none, and next to no area.
+#: Share of the largest Jacobian of a cell up to which a cusp, where two of its sides leave a corner
+#: in one direction, has no normal: there is next to no area.
 LEAST = 1e-3
 #: Rounds in which long sides are cut because short ones cannot follow them.
 MENDING = 6
@@ -74,7 +74,7 @@ class Lifted:
     """Patches (n, 4, 4, 4) of a face with their areas (n,) and what was measured on them.
 
     ``area`` is that of the surface under the patches and ``area_error`` the relative difference,
-    both at the check points.
+    both at the check points; ``left_out`` is at how many of these normals do not count.
     """
 
     nets: FloatArray
@@ -86,6 +86,7 @@ class Lifted:
     converged: bool
     area: float
     area_error: float
+    left_out: int
 
 
 @dataclass(slots=True)
@@ -162,7 +163,7 @@ def lifted(tasks: Sequence[Task]) -> list[Lifted]:
             Lifted(
                 leaves.nets[rows], names[rows], areas[rows], float(e[:, 0].max()),
                 float(e[:, 1].max()), float(gap[i]), bool(converged[i]), area,
-                abs(float(e[:, 3].sum())) / max(area, 1e-300),
+                abs(float(e[:, 3].sum())) / max(area, 1e-300), int(e[:, 4].sum()),
             )
         )  # fmt: skip
     return out

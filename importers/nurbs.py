@@ -89,15 +89,17 @@ def _binomials(degree: int) -> FloatArray:
 
 def bernstein_basis(degree: int, t: FloatArray) -> FloatArray:
     """Bernstein polynomials (..., degree + 1) at ``t`` (...,). [1, eq. 5.1]"""
-    out = np.empty((*t.shape, degree + 1))
-    out[...] = _binomials(degree)
+    # Each polynomial lies in a row until all are done.
+    rows = np.empty((degree + 1, *t.shape))
+    rows[...] = _binomials(degree).reshape(-1, *(1,) * t.ndim)
     s = 1.0 - t
     rising, falling = t, s
     for i in range(1, degree + 1):
-        out[..., i] *= rising
-        out[..., degree - i] *= falling
-        rising, falling = rising * t, falling * s
-    return out
+        rows[i] *= rising
+        rows[degree - i] *= falling
+        if i < degree:
+            rising, falling = rising * t, falling * s
+    return np.ascontiguousarray(np.moveaxis(rows, 0, -1))
 
 
 def bernstein_slope(degree: int, t: FloatArray) -> FloatArray:

@@ -175,7 +175,7 @@ def _closed_planar(loop: Loop, size: float, lift: FloatArray) -> tuple[Loop, flo
     for k, arc in enumerate(loop):
         before = loop[k - 1]
         assert isinstance(before, NetArc) and isinstance(arc, NetArc)
-        opening = float(np.linalg.norm(before.end - arc.start))
+        opening = math.dist(before.end, arc.start)
         gap = max(gap, opening)
         if opening > 0.0 and opening <= 1e-2 * size:
             net, flat = before.net.copy(), before.flat.copy()
@@ -209,6 +209,7 @@ def _merged_straight(loop: Loop, lift: FloatArray, weld: float) -> Loop:
 def _continues(a: Arc, b: Arc, weld: float) -> bool:
     if not (a.straight and b.straight):
         return False
-    d, e = a.end - a.start, b.end - b.start
-    length = float(np.linalg.norm(d) + np.linalg.norm(e))
-    return abs(d[0] * e[1] - d[1] * e[0]) <= weld * length * 1e-2 and float(d @ e) > 0.0
+    (p, q), (r, s) = a.ends.tolist(), b.ends.tolist()
+    dx, dy, ex, ey = q[0] - p[0], q[1] - p[1], s[0] - r[0], s[1] - r[1]
+    length = math.hypot(dx, dy) + math.hypot(ex, ey)
+    return abs(dx * ey - dy * ex) <= weld * length * 1e-2 and dx * ex + dy * ey > 0.0

@@ -185,7 +185,10 @@ def _cause(done: subprocess.CompletedProcess[bytes], request: dict[str, Any]) ->
     if any(word in text for word in OUT_OF_MEMORY) or done.returncode == killed:
         return _too_little(request)
     if done.returncode < 0:
-        return f"the CAD kernel crashed on this file (signal {-done.returncode})"
+        limited = ""
+        if request["asked_memory"]:
+            limited = f", perhaps for want of memory: {request['memory'] / 1e9:.3g} GB (memory_gb)"
+        return f"the CAD kernel crashed on this file (signal {-done.returncode}){limited}"
     lines = text.splitlines()
     return f"reading failed: {lines[-1] if lines else f'exit code {done.returncode}'}"
 

@@ -23,7 +23,7 @@ HEAD = "head"
 #: What is known of a face, its colour last.
 FACE = (
     "part", "number", "kind", "exact", "patches", "deviation_m", "angle_deg", "area_m2",
-    "area_error", "gap_m", "free_edge_m", "reason", "name", "color",
+    "area_error", "gap_m", "free_edge_m", "normals_left_out", "reason", "name", "color",
 )  # fmt: skip
 #: What is known of edges.
 EDGES = ("kind", "part", "faces", "angle_deg")

@@ -178,7 +178,8 @@ class Revolution(Surface):
         shape = np.broadcast_shapes(np.shape(u), np.shape(v))
         u, v = np.broadcast_to(u, shape), np.broadcast_to(v, shape)
         a = self.axis
-        q, dq = self.profile.evaluate(v) - self.origin, self.profile.slope(v)
+        q, dq = self.profile.both(v)
+        q = q - self.origin
         c, s = np.cos(u)[..., None], np.sin(u)[..., None]
 
         def turned(x: FloatArray) -> FloatArray:
@@ -212,8 +213,9 @@ class Extrusion(Surface):
     def evaluate(self, u: FloatArray, v: FloatArray) -> Points:
         shape = np.broadcast_shapes(np.shape(u), np.shape(v))
         u, v = np.broadcast_to(u, shape), np.broadcast_to(v, shape)
-        p = self.profile.evaluate(u) + v[..., None] * self.direction
-        return p, self.profile.slope(u), np.broadcast_to(self.direction, p.shape)
+        p, slope = self.profile.both(u)
+        p = p + v[..., None] * self.direction
+        return p, slope, np.broadcast_to(self.direction, p.shape)
 
     def jacobian_variable(self) -> str:
         return "u"

@@ -64,6 +64,11 @@ def certificate_lines(model: Model) -> list[str]:
         f"largest deviation {c.max_deviation_m:.2g} m, angle {c.max_angle_deg:.2g} degrees, "
         f"area error {c.max_area_error:.2g}, gap {c.max_gap_m:.2g} m",
     ]
+    if c.normals_left_out:
+        faces = sum(f.normals_left_out > 0 for f in c.faces)
+        lines.append(
+            f"normals at {c.normals_left_out} points of {faces} faces do not count: folds or cusps"
+        )
     if c.part_edges:
         lines.append(f"edges: {_counts(c.edges)}")
     inexact = [f for f in c.faces if f.failed] + [

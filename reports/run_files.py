@@ -52,8 +52,8 @@ def certificate_totals(certificate: Certificate) -> dict[str, Any]:
     """Totals of a conversion certificate, as in ``inspect --json``, with the failed faces."""
     names = (
         "faces_total", "faces_exact", "faces_approximated", "faces_failed", "max_deviation_m",
-        "max_angle_deg", "max_area_error", "max_gap_m", "free_edge_m", "edges", "patches",
-        "seconds",
+        "max_angle_deg", "max_area_error", "max_gap_m", "free_edge_m", "normals_left_out",
+        "edges", "patches", "seconds",
     )  # fmt: skip
     totals = {name: getattr(certificate, name) for name in names}
     paths = certificate.part_paths

@@ -70,7 +70,7 @@ class Face:
     deviation_m, angle_deg : float
         Largest distance [m] and normal deviation [deg] measured at check points; normals do not
         count where the surface itself turns by 0.5 rad within the tolerance (folds, cusps), nor
-        at corners where a patch has no area.
+        next to cusps of a patch, where it has no area.
     area_m2, area_error : float
         Area of the patches [m²] and its relative difference to an independent integral
         (NaN when not checked).
@@ -78,6 +78,9 @@ class Face:
         Largest distance between the patch boundaries and the 3-D edge curves. [m]
     free_edge_m : float
         Length of the edges at which no other face of the part begins. [m]
+    normals_left_out : int
+        Check points, 49 a patch, at which the normal is off by more than was asked for and does
+        not count in ``angle_deg``.
     reason : str
         Why the face failed or is approximated; empty otherwise.
     """
@@ -93,6 +96,7 @@ class Face:
     area_error: float = float("nan")
     gap_m: float = 0.0
     free_edge_m: float = 0.0
+    normals_left_out: int = 0
     reason: str = ""
     name: str | None = None
     color: tuple[float, float, float] | None = None
@@ -185,11 +189,12 @@ class Certificate:
     part_paths : tuple of str
         Paths of the parts that ``Face.part`` counts.
     seconds : float
-        Reading and conversion, without the area check. [s]
+        Reading and conversion, without the checks. [s]
     notes : tuple of str
         What was repaired or turned, one line each.
     reading_seconds, area_seconds : float
-        The share of the CAD kernel's reading in ``seconds``, and the area check. [s]
+        The share of the CAD kernel's reading in ``seconds``, and the checks: of areas, and by the
+        CAD kernel of shapes whose faces are all right, of which it makes no more than a note. [s]
     part_edges : tuple of dict
         By part: how many of its B-rep edges are of each of `EDGE_KINDS`, as `CadEdges` says.
     """
@@ -269,6 +274,11 @@ class Certificate:
     def free_edge_m(self) -> float:
         """Length of all free edges; none of a part that is closed. [m]"""
         return float(sum(f.free_edge_m for f in self.faces))
+
+    @property
+    def normals_left_out(self) -> int:
+        """Check points at which normals do not count: folds and cusps of surfaces."""
+        return sum(f.normals_left_out for f in self.faces)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ import json
 
 import numpy as np
 import pytest
-from patchlight.importers import read_step
+from patchlight.importers import inspection, read_step
 from patchlight.importers.moments import volume_and_vector
+from patchlight.pipeline.inspecting import inspection_text
 
 #: Area tolerance; of boxed_sphere the kernel's own area follows curves that leave the edges.
 FILES = {
@@ -42,6 +43,10 @@ def test_file(corpus, name):
     for f in model.faces:
         assert f.area_error < (1e-6 if f.exact else 1.01e-4), (f.number, f.kind)
     assert c.max_angle_deg <= TURNING.get(name, 1.0)
+    left_out = inspection(model)["certificate"]["normals_left_out"]
+    assert left_out == sum(f.normals_left_out for f in model.faces)
+    assert (left_out > 0) == (name in TURNING)
+    assert (f"normals at {left_out} points" in inspection_text(model)) == (left_out > 0)
     assert len(model.patches) <= MOST.get(name, len(model.patches))
     volume = 0.0
     for i, part in enumerate(model.parts):

@@ -9,7 +9,7 @@ import cadquery as cq
 import matplotlib
 import numpy as np
 import pytest
-from patchlight.importers import from_cadquery
+from patchlight.importers import assemble, from_cadquery
 from patchlight.importers.moments import volume_and_vector
 
 
@@ -85,6 +85,41 @@ def test_trimmed_solids_are_closed_and_within_tolerance(name):
     weights = model.patches.control_points[..., 3]
     assert weights.min() > 0.0
     assert model.patches.areas().min() > 0.0
+
+
+def test_cells_that_fold_between_their_samples_are_made_anew():
+    def ball(radius, at, turn_deg):
+        solid = cq.Workplane().sphere(radius).translate(at)
+        return solid.rotate((0, 0, 0), (1, 2, 3), turn_deg).val()
+
+    a, b = ball(2.288, (0.735, 0.175, 0.787), 237), ball(3.014, (0.142, -0.367, 0.472), 136)
+    model, _, _, open_ = measured(a.fuse(b))
+    assert all(f.angle_deg <= 1.0 and f.reason == "trimmed curved surface" for f in model.faces)
+    # What is left of a sphere is higher than its half by the distance of the plane of the rim.
+    apart = (a.Center() - b.Center()).Length
+    caps = []
+    for r, other in ((2.288, 3.014), (3.014, 2.288)):
+        rim = (apart**2 + r**2 - other**2) / (2 * apart)
+        caps.append(2e-6 * math.pi * r * (r + rim))
+    assert sorted(f.area_m2 for f in model.faces) == pytest.approx(sorted(caps), rel=1e-4)
+    assert open_ < 1e-6
+
+
+def test_faces_off_in_area_are_converted_again_with_finer_edges(monkeypatch):
+    ball = cq.Workplane().sphere(2.31)
+    box = cq.Workplane().box(3.68, 1.932, 1.38).edges("|Z").fillet(0.3864)
+    shape = ball.intersect(box.translate((0.758, 0.32, -0.409)).rotate((0, 0, 0), (1, 2, 3), 281))
+    model, area, volume, open_ = measured(shape)
+    assert model.certificate.max_area_error < 1e-4
+    assert all(f.reason in ("", "trimmed curved surface") or f.kind == "plane" for f in model.faces)
+    assert area == pytest.approx(shape.val().Area(), rel=1e-5)
+    assert volume == pytest.approx(shape.val().Volume(), rel=1e-5)
+    assert open_ < 1e-9
+    # With the usual share of the tolerance for edges a fillet is off.
+    monkeypatch.setattr(assemble, "FINE_EDGES", assemble.EDGE_SHARE)
+    coarse = from_cadquery(shape, cache=False)
+    off = [f for f in coarse.faces if f.area_error > 1e-4]
+    assert off and all(f.reason.startswith("area off by") for f in off)
 
 
 def test_text_is_exact():

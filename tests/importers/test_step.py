@@ -260,8 +260,10 @@ def test_crash_of_the_reader_is_one_line(room_file, monkeypatch):
         return real([sys.executable, "-c", "import os; os.abort()"], **options)
 
     monkeypatch.setattr(step.subprocess, "run", crashing)
-    with pytest.raises(InputError, match="crashed on this file .signal 6"):
+    with pytest.raises(InputError, match="crashed on this file .signal 6.$"):
         read_step(room_file, cache=False)
+    with pytest.raises(InputError, match="signal 6., perhaps for want of memory: 0.3 GB"):
+        read_step(room_file, cache=False, memory_gb=0.3)
 
 
 def test_importing_loads_no_cad_kernel():
