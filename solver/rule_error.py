@@ -7,22 +7,28 @@ if nothing hid anything; the difference, as far as each element is in sight, is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .edges import EDGE_NODES
 from .exchange import ROUNDING, Rows, form_factor_matrix, products
 from .kernels.pyramid import Blockers
 from .model.arrays import FloatArray, MatrixArray
+from .model.bezier import area_points
 from .renewed import renewed_unoccluded
 from .reuse import Kept
 from .row_finder import Ask
+from .topology import writable
 
 #: Pairs that are looked at, and sensors at least and at most: by 40 of them the share of `COVERED`
 #: is known to 4 %.
 PAIRS, SENSORS, MOST_SENSORS = 50_000, 8, 40
 #: Accuracy of what rows are compared with, against theirs.
 FINER = 1.0 / 30.0
+#: Points a direction in elements that are compared with: sums over points take as many at every
+#: accuracy, so that those over the same points would agree, whatever they miss.
+FINER_NODES = EDGE_NODES + 2
 #: Error of unoccluded factors against the accuracy that their rules are chosen for, where it is not
 #: measured: beside a lamp 2.6 times as much was found.
 OF_RULES = 3.0
@@ -73,7 +79,7 @@ def rule_error(
     def look() -> tuple[MatrixArray, MatrixArray]:
         if trace:
             return _kept_unoccluded(few, blockers, eps, kept)
-        return factors[some], _unoccluded(few, blockers, FINER * eps)
+        return factors[some], _unoccluded(_finer(few), blockers, FINER * eps)
 
     found, finer = kept.of_rows("rules", rows, (eps,), look)
     in_sight = np.minimum(factors[some], found) / np.where(found > 0.0, found, 1.0)
@@ -84,6 +90,17 @@ def rule_error(
     out = usual * light
     out[some] = off
     return OF_MEASURED * out + ROUNDING * light, light
+
+
+def _finer(ask: Ask) -> Ask:
+    """The same of sources that are summed over more points."""
+    sources = ask.sources
+    points, areas = area_points(sources.nets, FINER_NODES)
+    more = sources._replace(
+        area_point=writable((points - sources.edge_origin).transpose(2, 0, 1)),
+        area_normal=writable(areas.transpose(2, 0, 1)),
+    )
+    return replace(ask, sources=more)
 
 
 def _unoccluded(ask: Ask, blockers: Blockers, eps: float) -> MatrixArray:
@@ -126,15 +143,16 @@ def _kept_unoccluded(
     sources = ask.sources
     key = ask.receivers, sources.patch, sources.azimuths, eps
     before: _Known | None = kept.of_parts("rules", key)
+    both = (ask, eps), (_finer(ask), FINER * eps)
     of = np.stack([sources.dim, sources.point_from])
     # Without meridians edges are integrated for all elements of a patch at once.
     scanned = len(sources.azimuths) > 0
     if before is None or not scanned or before.nets.shape != sources.nets.shape:
-        found, finer = (_unoccluded(ask, blockers, e) for e in (eps, FINER * eps))
+        found, finer = (_unoccluded(asked, blockers, accuracy) for asked, accuracy in both)
     else:
         found, finer = before.found.copy(), before.finer.copy()
         moved = (before.nets != sources.nets).any(axis=(1, 2, 3)) | (before.of != of).any(axis=0)
-        for factors, accuracy in ((found, eps), (finer, FINER * eps)):
-            renewed_unoccluded(factors, ask, moved, blockers, accuracy)
+        for factors, (asked, accuracy) in zip((found, finer), both, strict=True):
+            renewed_unoccluded(factors, asked, moved, blockers, accuracy)
     kept.keep_of_parts("rules", key, _Known(sources.nets, of, found, finer))
     return found, finer

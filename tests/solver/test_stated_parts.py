@@ -76,6 +76,40 @@ def test_errors_of_rules_are_measured(monkeypatch):
     np.testing.assert_allclose(others, np.quantile(relative[looked], 0.95, method="higher"))
 
 
+def test_rules_that_take_the_same_points_tell_nothing():
+    """From afar a ball is summed over as many points at any accuracy."""
+    random = np.random.default_rng(9)
+    out = random.normal(size=(30, 3))
+    out *= (random.uniform(2.0, 10.0, 30) / np.linalg.norm(out, axis=1))[:, None]
+    aside = np.cross(out, random.normal(size=(30, 3)))
+    # Some see the ball in part, past their horizon.
+    tilt = np.arcsin(np.minimum(0.5 / np.linalg.norm(out, axis=1), 1.0)) * random.uniform(-1, 1, 30)
+    aside /= np.linalg.norm(aside, axis=1)[:, None]
+    toward = -out / np.linalg.norm(out, axis=1)[:, None]
+    normals = np.sin(tilt)[:, None] * toward + np.cos(tilt)[:, None] * aside
+    sensors = grid("g", out + (0.0, 0.0, 2.0), normals)
+    made = scene(setup(Body(BALL)), lamps=[(0, "lamp", 1000.0)], sensors=[sensors])
+    found = solve(made, accuracy=0.1).sensors["g"]
+    exact = solve(made, accuracy=1e-4).sensors["g"].illuminance_lx
+    off = np.abs(found.illuminance_lx - exact)
+    assert (off / exact).max() >= 1e-6
+    assert (off <= found.error_lx).mean() >= 0.9, off / found.error_lx
+
+
+def test_an_open_tube_hides_nothing_of_its_outside():
+    """Where it turns away, the parts before it stand for no shadow."""
+    x, y = (g.ravel() for g in np.meshgrid(np.linspace(0.1, 2.0, 6), np.linspace(0.2, 2.0, 7)))
+    tube = PatchSet.cylinder((-1.0, 0.0, 2.0), (1.0, 0.0, 2.0), 0.15)
+    points = np.column_stack([x, y, np.full(len(x), 1.8)])
+    made = scene(setup(Body(tube, False)), lamps=[(0, "lamp", 1000.0)], sensors=[grid("g", points)])
+    found, plain = (
+        solve(made, accuracy=0.1, visibility=how).sensors["g"].illuminance_lx
+        for how in ("auto", "none")
+    )
+    # Chords of the own outline are cut by each other: 2.5e-4 where they cast shadows.
+    np.testing.assert_allclose(found, plain, rtol=1e-5)
+
+
 def test_straight_edges_leave_no_error():
     """Polygons are integrated in closed form: single precision is what is left."""
     points = np.random.default_rng(5).uniform((-1, -1, 0), (1, 1, 1.5), (20, 3))
