@@ -74,6 +74,7 @@ def test_stated_errors_hold_below_a_lamp_that_hides_what_it_lights(basis):
         ("A3", 0.03),
         ("C2_rho50", 0.03),
         ("C2_rho80", 0.3),
+        ("D3", 0.3),
         ("D3", 0.001),
     ],
 )
