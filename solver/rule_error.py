@@ -2,7 +2,9 @@
 
 Their accuracy is what is asked for at worst: straight edges are integrated exactly, and of curved
 ones near a sensor the rules may leave more. Some rows are found once more with many more digits, as
-if nothing hid anything; the difference, as far as each element is in sight, is the error.
+if nothing hid anything; the difference, as far as each element is in sight, is the error. That of
+the others is taken to be as much; where most of it comes of few elements, like a lamp, these are
+looked at from all sensors, and only what the rest leaves is taken from the rows.
 """
 
 from __future__ import annotations
