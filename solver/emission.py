@@ -24,6 +24,7 @@ from .model.bezier import gauss_rule
 from .model.elements import Elements
 from .model.scene import SceneData
 from .profile_shape import NODES, Shape, between, varies
+from .some_sources import some_sources
 from .surfaces import Receivers
 from .topology import writable
 from .unknowns import Unknowns, composite, lagrange, reach
@@ -143,7 +144,7 @@ class Emission:
         eps : float
             Error of the moments, relative to the form factor of their element.
         """
-        own = _taken(sources, self.element)
+        own = some_sources(sources, self.element)
         order = len(self.basis.rule)
         far, near = (1.0 + reach(eps, q) / math.sqrt(2.0) for q in (order, PART_NODES))
         m, c = factors.shape
@@ -234,15 +235,4 @@ def _basis(points: FloatArray, vectors: FloatArray) -> Basis:
         at=at,
         gauss=writable(gauss),
         weight=writable(weight),
-    )
-
-
-def _taken(sources: Sources, rows: IntArray) -> Sources:
-    """What `spread_rows` wants of some of the sources."""
-    return sources._replace(
-        nets=writable(sources.nets[rows]),
-        spheres=writable(sources.spheres[rows]),
-        wall=writable(sources.wall[rows], np.int64),
-        area_point=writable(sources.area_point[:, rows]),
-        area_normal=writable(sources.area_normal[:, rows]),
     )

@@ -436,15 +436,17 @@ class FieldSolver:
 
     def rules_from_outside(self, light: Gathered, told: FloatArray, budget: Budget) -> FloatArray:
         """The same of all ``light`` but that by straight form factors, ``told`` (m,). [lx]"""
-        rest, error = light.luminous() - told, np.zeros(len(told))
+        rest = light.luminous() - told
+        error = ROUNDING * np.maximum(rest, 0.0)
         if self._all_flat and not self.panes.any:
-            # Past flat surfaces sky and ground are integrated to the error counted as sampled.
-            for name in ("sky.direct", "ground.direct"):
+            # Past flat surfaces sky and ground are integrated to the error counted as sampled, and
+            # past straight sides the sun, unless it comes by way of mirrors.
+            straight = self._incidence.disc.straight.all() and not self.mirrors.any
+            for name in ("sky.direct", "ground.direct", *(("sun.direct",) if straight else ())):
                 rest -= luminous(light.components.get(name, np.zeros((len(told), self.bands))))
         elif self.scene.sky is not None and self.scene.sky.needs_sun:
             error = error + PEAKED * luminous(light.components["sky.direct"])
-        rules = OF_RULES * budget.fine_eps + ROUNDING
-        return np.asarray(error + rules * np.maximum(rest, 0.0))
+        return np.asarray(error + OF_RULES * budget.fine_eps * np.maximum(rest, 0.0))
 
     @property
     def open_sky(self) -> OpenSky:

@@ -11,13 +11,15 @@ from .reuse import Kept
 from .topology import adjacency, edge_points, make_blockers, size_of
 
 
-def kept_blockers(kept: Kept, patches: PatchSet, closed: IntArray, solid: IntArray) -> Blockers:
+def kept_blockers(
+    kept: Kept, patches: PatchSet, closed: IntArray, solid: IntArray, one_sided: IntArray
+) -> Blockers:
     """As `make_blockers`; of solids that stand where they stood in a run before nothing is made."""
 
     def make() -> Blockers:
         before = kept.of_parts("blockers", ())
-        known = None if before is None else _renewed(before, patches, closed, solid)
-        return known or make_blockers(patches, closed, solid)
+        known = None if before is None else _renewed(before, patches, closed, solid, one_sided)
+        return known or make_blockers(patches, closed, solid, one_sided=one_sided)
 
     found = kept.find("blockers", (), make)
     kept.keep_of_parts("blockers", (), found)
@@ -25,7 +27,7 @@ def kept_blockers(kept: Kept, patches: PatchSet, closed: IntArray, solid: IntArr
 
 
 def _renewed(
-    before: Blockers, patches: PatchSet, closed: IntArray, solid: IntArray
+    before: Blockers, patches: PatchSet, closed: IntArray, solid: IntArray, one_sided: IntArray
 ) -> Blockers | None:
     """Blockers ``before`` with the solids that have moved; None where all are to be made.
 
@@ -40,7 +42,7 @@ def _renewed(
         return before
     own, names = patches.take(rows), solid[rows]
     beside = adjacency(own.control_points, names, extent=_size(nets))
-    part = make_blockers(own, closed[rows], names, beside)
+    part = make_blockers(own, closed[rows], names, beside, one_sided=one_sided[rows])
     adjacent = np.where(part.adjacent >= 0, rows[part.adjacent], -1)
     every = {name: array.copy() for name, array in before._asdict().items()}
     for name in ("nets", "kinds", "cones", "flags", "spheres"):

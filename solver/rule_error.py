@@ -2,27 +2,43 @@
 
 Their accuracy is what is asked for at worst: straight edges are integrated exactly, and of curved
 ones near a sensor the rules may leave more. Some rows are found once more with many more digits, as
-if nothing hid anything; the difference, as far as each element is in sight, is the error.
+if nothing hid anything; the difference, as far as each element is in sight, is the error. That of
+the others is taken to be as much; where most of it comes of few elements, like a lamp, these are
+looked at from all sensors, and only what the rest leaves is taken from the rows.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .edges import EDGE_NODES
 from .exchange import ROUNDING, Rows, form_factor_matrix, products
 from .kernels.pyramid import Blockers
-from .model.arrays import FloatArray, MatrixArray
+from .model.arrays import FloatArray, IntArray, MatrixArray
+from .model.bezier import area_points
 from .renewed import renewed_unoccluded
 from .reuse import Kept
 from .row_finder import Ask
+from .some_sources import some_sources
+from .topology import writable
 
 #: Pairs that are looked at, and sensors at least and at most: by 40 of them the share of `COVERED`
 #: is known to 4 %.
 PAIRS, SENSORS, MOST_SENSORS = 50_000, 8, 40
+#: Pairs of all sensors and the elements that most of the error comes of, at most, and no more than
+#: were looked at before: they are found in some milliseconds.
+PAIRS_BY_SIGHT = 5_000
+#: Share of the usual error that may come of the other elements then.
+REST = 0.1
+#: Error against the accuracy asked for below which it does not matter how well it is known.
+LITTLE = 3e-4
 #: Accuracy of what rows are compared with, against theirs.
 FINER = 1.0 / 30.0
+#: Points a direction in elements that are compared with: sums over points take as many at every
+#: accuracy, so that those over the same points would agree, whatever they miss.
+FINER_NODES = EDGE_NODES + 2
 #: Error of unoccluded factors against the accuracy that their rules are chosen for, where it is not
 #: measured: beside a lamp 2.6 times as much was found.
 OF_RULES = 3.0
@@ -73,17 +89,70 @@ def rule_error(
     def look() -> tuple[MatrixArray, MatrixArray]:
         if trace:
             return _kept_unoccluded(few, blockers, eps, kept)
-        return factors[some], _unoccluded(few, blockers, FINER * eps)
+        return factors[some], _unoccluded(_finer(few), blockers, FINER * eps)
 
-    found, finer = kept.of_rows("rules", rows, (eps,), look)
-    in_sight = np.minimum(factors[some], found) / np.where(found > 0.0, found, 1.0)
-    off = np.abs(((found - finer) * in_sight) @ sent)
+    off = _off(factors[some], *kept.of_rows("rules", rows, (eps,), look), sent)
     lit = light[some] > 0.0
-    relative = off[lit] / light[some][lit]
-    usual = np.quantile(relative, COVERED, method="higher") if lit.any() else 0.0
+    if not lit.any():
+        return ROUNDING * light, light
+    relative = off[lit] / light[some][lit, None]
+    most, little = min(PAIRS_BY_SIGHT, off.size) // m, LITTLE * asked.budget.accuracy
+    which, usual = _by_sight(relative, most, little)
     out = usual * light
-    out[some] = off
+    if len(which):
+
+        def look_at_all() -> tuple[MatrixArray, MatrixArray]:
+            every = replace(asked, sources=some_sources(asked.sources, which))
+            finer = _unoccluded(_finer(every), blockers, FINER * eps)
+            return _unoccluded(every, blockers, eps) if trace else factors[:, which], finer
+
+        pairs = kept.of_rows("rules by sight", rows, (eps, which), look_at_all)
+        out += np.abs(_off(factors[:, which], *pairs, sent[which]).sum(axis=1))
+    out[some] = np.abs(off.sum(axis=1))
     return OF_MEASURED * out + ROUNDING * light, light
+
+
+def _off(
+    factors: MatrixArray, found: MatrixArray, finer: MatrixArray, sent: FloatArray
+) -> FloatArray:
+    """What is wrong of the light (k, n) of each element, as far as it is in sight. [lx]"""
+    in_sight = np.minimum(factors, found) / np.where(found > 0.0, found, 1.0)
+    return np.asarray((found - finer) * in_sight * sent)
+
+
+def _by_sight(relative: FloatArray, most: int, little: float) -> tuple[IntArray, float]:
+    """Elements of which all sensors are to be looked at, and the usual error by the others.
+
+    No more than it takes for what is left to be little of the errors (k, n) of the sensors looked
+    at, and none where it takes more than ``most`` or the error is ``little`` anyway.
+    """
+
+    def usual(errors: FloatArray) -> float:
+        off = np.abs(errors.sum(axis=1))
+        return float(np.quantile(off, COVERED, method="higher"))
+
+    every = usual(relative)
+    if every <= little:
+        return np.empty(0, dtype=np.int64), every
+    order = np.argsort(-np.abs(relative).sum(axis=0), kind="stable")
+    count = 1
+    while count <= most:
+        rest = usual(relative[:, np.sort(order[count:])])
+        if rest <= REST * every:
+            return np.sort(order[:count]), rest
+        count *= 2
+    return order[:0], every
+
+
+def _finer(ask: Ask) -> Ask:
+    """The same of sources that are summed over more points."""
+    sources = ask.sources
+    points, areas = area_points(sources.nets, FINER_NODES)
+    more = sources._replace(
+        area_point=writable((points - sources.edge_origin).transpose(2, 0, 1)),
+        area_normal=writable(areas.transpose(2, 0, 1)),
+    )
+    return replace(ask, sources=more)
 
 
 def _unoccluded(ask: Ask, blockers: Blockers, eps: float) -> MatrixArray:
@@ -126,15 +195,16 @@ def _kept_unoccluded(
     sources = ask.sources
     key = ask.receivers, sources.patch, sources.azimuths, eps
     before: _Known | None = kept.of_parts("rules", key)
+    both = (ask, eps), (_finer(ask), FINER * eps)
     of = np.stack([sources.dim, sources.point_from])
     # Without meridians edges are integrated for all elements of a patch at once.
     scanned = len(sources.azimuths) > 0
     if before is None or not scanned or before.nets.shape != sources.nets.shape:
-        found, finer = (_unoccluded(ask, blockers, e) for e in (eps, FINER * eps))
+        found, finer = (_unoccluded(asked, blockers, accuracy) for asked, accuracy in both)
     else:
         found, finer = before.found.copy(), before.finer.copy()
         moved = (before.nets != sources.nets).any(axis=(1, 2, 3)) | (before.of != of).any(axis=0)
-        for factors, accuracy in ((found, eps), (finer, FINER * eps)):
-            renewed_unoccluded(factors, ask, moved, blockers, accuracy)
+        for factors, (asked, accuracy) in zip((found, finer), both, strict=True):
+            renewed_unoccluded(factors, asked, moved, blockers, accuracy)
     kept.keep_of_parts("rules", key, _Known(sources.nets, of, found, finer))
     return found, finer

@@ -274,7 +274,7 @@ class Simulation:
             kept = Kept(scene, stages=stages, store=self.store, beside=self._beside)
             opaque = scene.without_panes
             solids = opaque.patches, opaque.closed, opaque.patches.part_index
-            blockers = kept_blockers(kept, *solids)
+            blockers = kept_blockers(kept, *solids, ~np.asarray(opaque.two_sided))
             tester = Containment(scene, blockers)
             stages.warnings.extend(placement_remarks(scene, tester, kept))
         stages.skipped.update(not_needed(scene, blockers, self.visibility))

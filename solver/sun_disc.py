@@ -57,7 +57,8 @@ class SeenDisc:
     illuminance : (m,) array
         [lx]
     deviation : (m,) array
-        Standard deviation of what was found by rays of it. [lx]
+        Standard deviation of what was found by rays of it, and half of what taking the disc for
+        even may leave where it is seen in part. [lx]
     counters : dict
         Receivers with something curved before the disc, and parts of it that were looked at.
     """
@@ -119,7 +120,8 @@ class DiscLight:
         toward = np.array(direction(sun.altitude_deg, sun.azimuth_deg))
         out, deviation = np.zeros((2, len(points)))
         counters = {"sun_past_curves": 0, "sun_parts": 0}
-        for radius, weight in stack_of(sun):
+        stack = stack_of(sun)
+        for radius, weight in stack:
             found = np.empty((len(points), 1))
             disc_rows(
                 points, normals, toward[None], radius, self.blockers, self.straight, self.trace,
@@ -138,6 +140,12 @@ class DiscLight:
                 counters["sun_past_curves"] = max(counters["sun_past_curves"], len(left))
                 counters["sun_parts"] += int(parts.sum())
             out += weight * found[:, 0]
+        if len(stack) == 1:
+            # Of brightness 1 + e (1/2 − r²) within r = 1 a part of the area f has e f (1 − f) / 2
+            # more at most.
+            whole = np.maximum(normals @ toward, 0.0)
+            unseen = np.clip(whole - out, 0.0, None) / np.where(whole > 0.0, whole, 1.0)
+            deviation += 0.25 * _unevenness(sun) * out * unseen
         if not np.isfinite(out).all():
             bad = int(np.flatnonzero(~np.isfinite(out))[0])
             raise NumericsError(f"light of the sun at receiver {bad}: not finite")
@@ -151,6 +159,11 @@ def is_up(sun: Sun) -> bool:
     return above and sun.normal_illuminance_lx > 0.0
 
 
+def _unevenness(sun: Sun) -> float:
+    """By how much a disc is brighter in its middle than at its rim, on a plane: cos⁴ there."""
+    return 2.0 * math.sin(math.radians(sun.angular_radius_arcmin / 60.0)) ** 2
+
+
 def stack_of(sun: Sun) -> tuple[tuple[float, float], ...]:
     """Tangent of the radius, and weight, of the even discs that make up that of ``sun``.
 
@@ -158,7 +171,7 @@ def stack_of(sun: Sun) -> tuple[tuple[float, float], ...]:
     """
     sine = math.sin(math.radians(sun.angular_radius_arcmin / 60.0))
     whole = math.tan(math.radians(sun.angular_radius_arcmin / 60.0))
-    if not sun.limb_darkening and 2.0 * sine**2 < _EVEN:
+    if not sun.limb_darkening and _unevenness(sun) < _EVEN:
         return ((whole, 1.0),)
     u, v = DARKENING if sun.limb_darkening else (0.0, 0.0)
     x, w = gauss_rule(DISCS)

@@ -157,18 +157,30 @@ def watertight(nets: FloatArray, adjacent: IntArray) -> IntArray:
 
 
 def convexity(
-    nets: FloatArray, flags: IntArray, solid: IntArray, closed: IntArray, count: int
+    nets: FloatArray,
+    flags: IntArray,
+    solid: IntArray,
+    closed: IntArray,
+    count: int,
+    one_sided: IntArray | None = None,
 ) -> tuple[IntArray, IntArray]:
     """Which solids (count,) are convex bodies, and which are convex cavities.
 
     Every corner of the solid must lie on one side of the tangent planes at 9 points of each patch.
+
+    Surfaces that are open are bodies, too, where they bend and nothing but their + side gives or
+    gets light (``one_sided`` (n,)): what is seen of that side is seen from before its tangent
+    plane, and all of the surface lies behind it.
     """
+    one_sided = np.zeros(len(nets), dtype=bool) if one_sided is None else one_sided
     bulging, hollow = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     t = np.array([0.1, 0.5, 0.9])
     u, v = (g.ravel() for g in np.meshgrid(t, t, indexing="ij"))
     for index in np.unique(solid):
         rows = np.flatnonzero(solid == index)
-        if not closed[rows].all() or len(rows) > 200:
+        whole, shapes = closed[rows].all(), flags[rows]
+        bent = one_sided[rows].all() and bool((shapes & CONVEX).any())
+        if not (whole or bent) or len(rows) > 200:
             continue
         own = nets[rows]
         points = (own[..., :3] / own[..., 3:]).reshape(-1, 3)
@@ -187,14 +199,19 @@ def convexity(
                 highest, lowest = max(highest, height.max()), min(lowest, height.min())
             if highest > 1e-9 * size and lowest < -1e-9 * size:
                 break
-        shapes = flags[rows]
         bulging[index] = highest <= 1e-9 * size and bool((shapes & (PLANAR | CONVEX)).all())
-        hollow[index] = lowest >= -1e-9 * size and bool((shapes & (PLANAR | CONCAVE)).all())
+        inward = lowest >= -1e-9 * size and bool((shapes & (PLANAR | CONCAVE)).all())
+        hollow[index] = whole and inward
     return bulging, hollow
 
 
 def make_blockers(
-    patches: PatchSet, closed: IntArray, solid: IntArray, adjacent: IntArray | None = None
+    patches: PatchSet,
+    closed: IntArray,
+    solid: IntArray,
+    adjacent: IntArray | None = None,
+    *,
+    one_sided: IntArray | None = None,
 ) -> Blockers:
     """Everything the kernels need to know of the patches that hide light.
 
@@ -208,12 +225,14 @@ def make_blockers(
         Solid or part of each patch.
     adjacent : (p, 4) int array, optional
         From `adjacency`, where it is known already.
+    one_sided : (p,) bool array, optional
+        Patches whose − side neither gives nor gets light; none when not given.
     """
     nets = writable(patches.control_points)
     flags = shape_flags(nets)
     solid = np.asarray(solid, dtype=np.int64)
     count = int(solid.max()) + 1 if len(solid) else 0
-    bulging, hollow = convexity(nets, flags, solid, np.asarray(closed, bool), count)
+    bulging, hollow = convexity(nets, flags, solid, np.asarray(closed, bool), count, one_sided)
     return Blockers(
         nets=nets,
         kinds=classify_patches(nets),

@@ -158,10 +158,12 @@ def test_blockers_are_those_that_are_made_anew():
             made.patches,
             made.closed,
             made.patches.part_index,
+            ~made.two_sided,
         )
         for made in (before, after)
     ]
-    own = make_blockers(after.patches, after.closed, after.patches.part_index)
+    solids = after.patches, after.closed, after.patches.part_index
+    own = make_blockers(*solids, one_sided=~after.two_sided)
     for name, array in found[1]._asdict().items():
         assert np.array_equal(array, getattr(own, name)), name
     assert not np.array_equal(found[0].nets, found[1].nets)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from patchlight.solver import PatchSet, rule_error
 from patchlight.solver.budget import FAR, FAR_OF_MANY
+from patchlight.solver.exchange import form_factor_matrix, make_sources
 from patchlight.solver.mesh import make_elements
 from patchlight.solver.mesh_error import NEAR, OF_VARIED, doubt_at
 from patchlight.solver.simulation import solve
+from patchlight.solver.some_sources import some_sources
 
 from .fixtures_light import Body, ceiling, grid, scene, setup
 
@@ -74,6 +76,76 @@ def test_errors_of_rules_are_measured(monkeypatch):
     relative = some.error_lx / some.illuminance_lx
     others = np.delete(relative, looked)
     np.testing.assert_allclose(others, np.quantile(relative[looked], 0.95, method="higher"))
+
+
+def test_rules_that_take_the_same_points_tell_nothing():
+    """From afar a ball is summed over as many points at any accuracy."""
+    random = np.random.default_rng(9)
+    out = random.normal(size=(30, 3))
+    out *= (random.uniform(2.0, 10.0, 30) / np.linalg.norm(out, axis=1))[:, None]
+    aside = np.cross(out, random.normal(size=(30, 3)))
+    # Some see the ball in part, past their horizon.
+    tilt = np.arcsin(np.minimum(0.5 / np.linalg.norm(out, axis=1), 1.0)) * random.uniform(-1, 1, 30)
+    aside /= np.linalg.norm(aside, axis=1)[:, None]
+    toward = -out / np.linalg.norm(out, axis=1)[:, None]
+    normals = np.sin(tilt)[:, None] * toward + np.cos(tilt)[:, None] * aside
+    sensors = grid("g", out + (0.0, 0.0, 2.0), normals)
+    made = scene(setup(Body(BALL)), lamps=[(0, "lamp", 1000.0)], sensors=[sensors])
+    found = solve(made, accuracy=0.1).sensors["g"]
+    exact = solve(made, accuracy=1e-3).sensors["g"].illuminance_lx
+    off = np.abs(found.illuminance_lx - exact)
+    assert (off / exact).max() >= 1e-6
+    assert (off <= found.error_lx).mean() >= 0.9, off / found.error_lx
+
+
+def test_what_most_of_the_error_comes_of_is_looked_at_from_everywhere(monkeypatch):
+    """Few sensors are near to a bent lamp: what those miss is not what all others do."""
+    points = np.random.default_rng(8).uniform((-1.9, -1.4, 0.1), (1.9, 1.4, 1.7), (150, 3))
+    lamp = PatchSet.disk((0, 0, 1.8), 0.3, (0, 0, -1))
+    made = scene(
+        setup(Body(PatchSet.box((4, 3, 2), center=(0, 0, 1), inward=True)), lamp),
+        materials=[0.02, 0.0],
+        lamps=[(1, "lamp", 1000.0)],
+        sensors=[grid("g", points)],
+    )
+    direct = "lamp.direct"
+    exact = solve(made, accuracy=0.01).sensors["g"].components[direct]
+    told = solve(made, accuracy=0.3).sensors["g"]
+    monkeypatch.setattr(rule_error, "PAIRS_BY_SIGHT", 0)
+    usual = solve(made, accuracy=0.3).sensors["g"]
+    assert (np.abs(told.components[direct] - exact) <= told.error_lx).mean() >= 0.95
+    assert np.median(told.error_lx / usual.error_lx) <= 0.7
+
+
+def test_some_sources_are_seen_as_among_all():
+    elements = make_elements(BALL, np.zeros(8, bool), np.full((8, 2), 2, np.int64))
+    count = len(elements)
+    sources = make_sources(elements, BALL.control_points, np.full(count, 1e-4))
+    which = np.array([0, 3, 4, 9, 21, count - 1])
+    points = np.random.default_rng(1).normal(size=(20, 1, 3)) + (0.0, 0.0, 2.0)
+    up, ones = np.tile([0.6, 0.0, 0.8], (20, 1, 1)), np.ones((20, 1))
+    at = points, up, ones, np.full(20, -1)
+    for eps in (1e-3, 1e-6):
+        every, some = (
+            form_factor_matrix(*at, s, setup(BALL).blockers, eps=eps, trace=False).factors
+            for s in (sources, some_sources(sources, which))
+        )
+        assert every.any()
+        np.testing.assert_array_equal(some, every[:, which])
+
+
+def test_an_open_tube_hides_nothing_of_its_outside():
+    """Where it turns away, the parts before it stand for no shadow."""
+    x, y = (g.ravel() for g in np.meshgrid(np.linspace(0.1, 2.0, 6), np.linspace(0.2, 2.0, 7)))
+    tube = PatchSet.cylinder((-1.0, 0.0, 2.0), (1.0, 0.0, 2.0), 0.15)
+    points = np.column_stack([x, y, np.full(len(x), 1.8)])
+    made = scene(setup(Body(tube, False)), lamps=[(0, "lamp", 1000.0)], sensors=[grid("g", points)])
+    found, plain = (
+        solve(made, accuracy=0.1, visibility=how).sensors["g"].illuminance_lx
+        for how in ("auto", "none")
+    )
+    # Chords of the own outline are cut by each other: 2.5e-4 where they cast shadows.
+    np.testing.assert_allclose(found, plain, rtol=1e-5)
 
 
 def test_straight_edges_leave_no_error():

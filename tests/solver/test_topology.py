@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from patchlight.solver.kernels.nets import CONCAVE, CONVEX, PLANAR
 from patchlight.solver.model import PatchSet
-from patchlight.solver.topology import adjacency, bounding_spheres, normal_cones, shape_flags
+from patchlight.solver.topology import (
+    adjacency,
+    bounding_spheres,
+    make_blockers,
+    normal_cones,
+    shape_flags,
+)
 
 from .fixtures_light import Body, ceiling, closed_cylinder, rectangle, setup, turned
 
@@ -118,6 +124,24 @@ def test_convexity(body, bulging, hollow):
     blockers = setup(body).blockers
     assert blockers.bulging.tolist() == [bulging]
     assert blockers.hollow.tolist() == [hollow]
+
+
+@pytest.mark.parametrize(
+    ("patches", "bulging"),
+    [
+        (PatchSet.cylinder((0, 0, 0), (0, 0, 2), 0.3), True),
+        (PatchSet.cylinder((0, 0, 0), (0, 0, 2), 0.3, inward=True), False),
+        (PatchSet.sphere((0, 0, 0), 1.0).take([0, 1, 2]), True),
+        (ceiling(0, 1, 0, 1, 0), False),  # flat: nothing to tell
+    ],
+)
+def test_open_surfaces_of_one_side_may_be_convex(patches, bulging):
+    parts, one_sided = setup(patches), np.ones(len(patches), bool)
+    told = make_blockers(*parts, one_sided=one_sided)
+    assert told.bulging.tolist() == [bulging]
+    assert not told.hollow[0]
+    one_sided[0] = False
+    assert not make_blockers(*parts, one_sided=one_sided).bulging[0]
 
 
 def test_an_l_shaped_room_is_no_convex_cavity():

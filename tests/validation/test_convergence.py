@@ -60,8 +60,11 @@ ACCURACIES = (0.1, 0.03, 0.01, 0.003, 0.001)
     "name",
     [
         "CIE_5.3",
-        pytest.param("C3", marks=pytest.mark.slow),
-        pytest.param("dome", marks=pytest.mark.slow),
+        "C2_rho50",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("C3", "C3_surf", "CIE_5.7", "D2", "D2_clear", "Ward", "dome")
+        ),
     ],
 )
 def test_errors_never_grow_with_the_accuracy(name):

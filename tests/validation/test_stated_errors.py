@@ -5,7 +5,10 @@ import pytest
 
 #: What solves in little time at the accuracies asked for.
 QUICK = (
+    "A4",
+    "B",
     "C2_rho50",
+    "C2_rho80",
     "C3",
     "C3_surf",
     "CIE_5.3",
@@ -13,6 +16,7 @@ QUICK = (
     "D2",
     "D2_clear",
     "G",
+    "Ward",
     "dome",
     "spheres",
 )
@@ -38,7 +42,7 @@ def test_stated_errors_hold(accuracy):
         assert found.covered >= 0.95, found
         assert found.rms_true <= accuracy, found
         if found.rms_true > NONE:
-            assert found.stated_to_true <= 30.0, found
+            assert found.stated_to_true <= 20.0, found
             over.append(found.stated_to_true)
         else:
             assert found.rms_stated <= 10.0 * NONE, found
@@ -59,6 +63,32 @@ def test_stated_errors_hold_below_a_lamp_that_hides_what_it_lights(basis):
         found = result.sensors["sensors"]
         told = compared(found.illuminance_lx, found.error_lx, one.truth(), one.doubt)
         assert told["covered"] >= 0.95, (accuracy, told)
+
+
+@pytest.mark.parametrize(
+    ("name", "accuracy"),
+    [
+        # Silhouettes of a tube, curved elements from afar, a bent lamp near few sensors, and a disc
+        # whose light is even on the sky and not on a plane.
+        ("A4", 0.1),
+        ("A3", 0.03),
+        ("C2_rho50", 0.03),
+        ("C2_rho80", 0.3),
+        ("D3", 0.3),
+        ("D3", 0.001),
+    ],
+)
+def test_stated_errors_of_rules_hold(name, accuracy):
+    """At 95 %, and they are not more than ten times the true ones in the median."""
+    from patchlight.pipeline import simulate
+    from references import reference
+    from stated_errors import compared
+
+    one = reference(name)
+    found = simulate(one.scene(), accuracy=accuracy, cache=False).sensors["sensors"]
+    figures = compared(found.illuminance_lx, found.error_lx, one.truth(), one.doubt)
+    assert figures["covered"] >= 0.95, figures
+    assert figures["stated_to_true"] <= 10.0, figures
 
 
 def test_a_row_of_the_table():
