@@ -49,7 +49,8 @@ FINE = 0.01
 #: they do not know of sensors. Form factors of a mesh for which that matters took more while they
 #: were found. [B]
 BLOCK_BYTES = 1_000_000_000
-#: What a sensor takes for its cells, the finer ones, and for a block of steps. [B]
+#: What a sensor takes for its cells, the finer ones, and for a block of steps; twice that where
+#: melanopic values are told beside. [B]
 OF_CELLS = 500_000
 #: Sensors done at a time, at least and a multiple of it: those of a chunk of a year's file.
 SENSORS = 64
@@ -323,7 +324,7 @@ def bytes_of_sensor(unknowns: int, bands: int) -> int:
     Weights as they are found, in all bands together and apart, and in the colours of light; and
     what cells and a block of steps take.
     """
-    return 8 * unknowns * (2 + 4 * bands) + OF_CELLS
+    return 8 * unknowns * (2 + 4 * bands) + OF_CELLS * (2 if bands == SPECTRAL else 1)
 
 
 def even_scene(scene: SceneData) -> SceneData:
