@@ -13,6 +13,7 @@ from patchlight.solver.effort import check_effort
 from patchlight.solver.errors import GeometryError, InputError
 from patchlight.solver.memory import GB, limited
 from patchlight.solver.model import SceneData, Weather
+from patchlight.solver.model.bands import SPECTRAL
 
 from .doctoring import version
 from .remarks import NO_LIGHT
@@ -28,13 +29,19 @@ if TYPE_CHECKING:
     import xarray
 
 #: Version of what is stored.
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 #: Difference in latitude or longitude of scene and station that is told. [deg]
 FAR_DEG = 1.0
 _LX = {"units": "lx"}
 VARIABLES = {
     "illuminance": {**_LX, "long_name": "illuminance of sky, sun and ground"},
     "sun_illuminance": {**_LX, "long_name": "illuminance straight from the disc of the sun"},
+}
+#: Where a grid asks for the spectrum.
+MELANOPIC = {
+    **_LX,
+    "long_name": "melanopic equivalent daylight (D65) illuminance of sky, sun and ground",
+    "spectrum": "modelled: daylight of 6500 K (sky) and 5500 K (sun)",
 }
 
 
@@ -96,12 +103,14 @@ def simulate_year(
     -------
     xarray.Dataset
         ``illuminance`` and ``sun_illuminance`` (sensor, time), with states (state, sensor, time),
-        in lx, with the places of the sensors and what there is outside in each step. ``time`` is
-        when each step begins in the standard time of the file, ``clock`` what clocks show,
-        ``time_utc`` its middle in universal time. Also ``daylight_factor`` under the overcast sky
-        of type 16, ``sunlight_hours`` on the day, in steps of 5 minutes, ``relative_error``, what
-        the light of an even sky may be off by at each sensor, and with ``electric`` the light of
-        each group, ``electric_illuminance`` (lamps, sensor), and when it burns, ``electric_on``
+        in lx, with the places of the sensors and what there is outside in each step; where any grid
+        has ``spectral=True`` also ``melanopic_edi`` of all of them, sky and sun being daylight of
+        6500 and 5500 K. ``time`` is when each step begins in the standard time of the file,
+        ``clock`` what clocks show, ``time_utc`` its middle in universal time. Also
+        ``daylight_factor`` under the overcast sky of type 16, ``sunlight_hours`` on the day, in
+        steps of 5 minutes, ``relative_error``, what the light of an even sky may be off by at each
+        sensor, and with ``electric`` the light of each group, ``electric_illuminance`` and
+        ``electric_melanopic_edi`` (lamps, sensor), and when it burns, ``electric_on``
         (lamps, time).
         Of ``out`` it reads values when they are used.
 
@@ -198,7 +207,9 @@ def simulate_year(
         "sun_indirect_error": filled.sun_indirect_error,
         "converged": int(filled.converged),
     }
-    return store.dataset(small, VARIABLES, dims, filled.pieces)
+    spectral = first.bands == SPECTRAL
+    variables = {**VARIABLES, "melanopic_edi": MELANOPIC} if spectral else VARIABLES
+    return store.dataset(small, variables, dims, filled.pieces)
 
 
 def _settings(

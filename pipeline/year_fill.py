@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from patchlight.solver.model import SceneData, SensorResult
+from patchlight.solver.model import Result, SceneData, SensorResult
 from patchlight.solver.model.arrays import FloatArray
+from patchlight.solver.model.bands import SPECTRAL
 from patchlight.solver.model.reached import (
     accuracies_reached,
     accuracy_message,
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 #: Steps of a piece.
 BLOCK = CHUNK[1]
+#: Arrays of the light of lamps.
+LUX, EDI = "lux", "melanopic_edi"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +41,8 @@ class Filled:
         All that the store has.
     points : dict of (k, m) arrays
         Values of each sensor.
-    electric : (k, g, m) array
-        Light of the groups of lamps that were asked for. [lx]
+    electric : dict of (k, g, m) arrays
+        Light of the groups of lamps that were asked for, and with spectra its melanopic EDI. [lx]
     warnings : list of str
         Of all states.
     sun_indirect_error : float
@@ -52,7 +55,7 @@ class Filled:
 
     pieces: list[Piece]
     points: dict[str, FloatArray]
-    electric: FloatArray
+    electric: Block
     warnings: list[str]
     sun_indirect_error: float
     converged: bool
@@ -116,7 +119,10 @@ class Filler:
         return Filled(
             pieces=[piece for one in found for piece in one.pieces],
             points={key: np.concatenate([one.points[key] for one in found]) for key in keys},
-            electric=np.concatenate([one.electric for one in found]),
+            electric={
+                key: np.concatenate([one.electric[key] for one in found])
+                for key in found[0].electric
+            },
             warnings=[text for own in warnings for text in own],
             sun_indirect_error=max(one.sun_indirect_error for one in found),
             converged=all(one.converged for one in found),
@@ -134,7 +140,9 @@ class Filler:
         return Filled(
             pieces=pieces,
             points=points,
-            electric=self.store.get(f"{k:03d}-electric")["lux"][None],
+            electric={
+                key: values[None] for key, values in self.store.get(f"{k:03d}-electric").items()
+            },
             warnings=[_of_state(name, text) for text in known["warnings"]],
             sun_indirect_error=float(np.sqrt(squares[0] / squares[1])) if squares[1] else 0.0,
             converged=known["converged"],
@@ -161,8 +169,8 @@ class Filler:
         from patchlight.solver.stages import Stages
 
         stages = Stages(self.progress)
-        lux, also, reached = self._electric(data)
-        self.store.put(f"{k:03d}-electric", {"lux": lux})
+        lamps, also, reached = self._electric(data)
+        self.store.put(f"{k:03d}-electric", lamps)
         daylit = DaylitScene.of(
             data, accuracy=self.accuracy, stages=stages, brightest=dict(brightest)
         )
@@ -200,6 +208,8 @@ class Filler:
             steps = np.arange(piece.steps.start, piece.steps.stop)
             light = light_in_steps(found, self.skies, steps)
             parts = {"illuminance": light.total, "sun_illuminance": light.sun_direct}
+            if light.melanopic_edi is not None:
+                parts["melanopic_edi"] = light.melanopic_edi
             self.store.put(
                 piece.name, {key: part.astype(np.float32) for key, part in parts.items()}
             )
@@ -212,33 +222,51 @@ class Filler:
             "sun_squares": np.array(found.sun_error(suns)),
         }
 
-    def _electric(self, data: SceneData) -> tuple[FloatArray, list[str], bool]:
+    def _electric(self, data: SceneData) -> tuple[Block, list[str], bool]:
         """Light (g, m) of the groups of lamps [lx], warnings, and whether it is accurate."""
-        sensors = sum(len(grid) for grid in data.sensors)
-        out = np.zeros((len(self.lamps), sensors))
-        if not any(lamp.group in self.lamps and lamp.flux_lm > 0.0 for lamp in data.luminaires):
+        spectral = data.bands == SPECTRAL
+        shape = len(self.lamps), sum(len(grid) for grid in data.sensors)
+        out = {key: np.zeros(shape) for key in (LUX, EDI)[: 1 + spectral]}
+        burn = [lamp.group for lamp in data.luminaires if lamp.flux_lm > 0.0]
+        groups = [group for group in self.lamps if group in burn]
+        if not groups:
             return out, [], True
+        # Of the spectrum a result tells that of all light together: one group after the other.
+        warnings: list[str] = []
+        reached = True
+        for some in [[group] for group in groups] if spectral else [groups]:
+            result = self._burning(data, some)
+            grids = result.sensors.values()
+            for group in some:
+                g = self.lamps.index(group)
+                out[LUX][g] = np.concatenate([_light_of(grid, group) for grid in grids])
+                if spectral:
+                    out[EDI][g] = np.concatenate([_melanopic_of(grid) for grid in grids])
+            warnings += [f"electric light: {text}" for text in result.warnings]
+            reached &= result.converged
+        return out, warnings, reached
+
+    def _burning(self, data: SceneData, groups: list[str]) -> Result:
+        """The scene by night, some groups of lamps burning."""
         from patchlight.solver.simulation import solve
 
         lamps = tuple(
-            lamp if lamp.group in self.lamps else replace(lamp, flux_lm=0.0)
-            for lamp in data.luminaires
+            lamp if lamp.group in groups else replace(lamp, flux_lm=0.0) for lamp in data.luminaires
         )
+        sensors = data.sensors
+        if data.bands == SPECTRAL:
+            sensors = tuple(replace(grid, spectral=True) for grid in sensors)
         scene = replace(
             data, luminaires=lamps, sky=None, sun=None, ground=None, cameras=(),
-            daylight_factors=None,
+            daylight_factors=None, sensors=sensors,
         )  # fmt: skip
-        result = solve(
+        return solve(
             scene,
             accuracy=self.accuracy,
             progress=self.progress,
             cache=True,
             beside="electric",
         )
-        for g, group in enumerate(self.lamps):
-            out[g] = np.concatenate([_light_of(grid, group) for grid in result.sensors.values()])
-        warnings = [f"electric light: {text}" for text in result.warnings]
-        return out, warnings, result.converged
 
 
 def _even(data: SceneData, points: Mapping[str, FloatArray]) -> dict[str, SensorResult]:
@@ -263,6 +291,12 @@ def _light_of(grid: SensorResult, group: str) -> FloatArray:
     names = (f"{group}.direct", f"{group}.indirect")
     parts = [grid.components[name] for name in names if name in grid.components]
     return np.asarray(sum(parts, np.zeros(len(grid.points))))
+
+
+def _melanopic_of(grid: SensorResult) -> FloatArray:
+    """Melanopic EDI (m,) at the sensors of a grid. [lx]"""
+    assert grid.spectral is not None
+    return grid.spectral.melanopic_edi_lx
 
 
 def _first_of(pieces: list[Piece]) -> list[Piece]:

@@ -13,7 +13,7 @@ from patchlight.solver.local_time import is_occupied
 from patchlight.solver.model import SceneData, Weather
 
 from .states import Setting
-from .year_fill import Filled
+from .year_fill import EDI, LUX, Filled
 
 if TYPE_CHECKING:
     import xarray
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 #: Schedule of lamps that always burn.
 ALWAYS = "always"
 _LX, _DEG = {"units": "lx"}, {"units": "degree"}
+_OF_LAMPS = {
+    LUX: ("electric_illuminance", "electric light"),
+    EDI: ("electric_melanopic_edi", "melanopic EDI of electric light"),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,8 +110,10 @@ def small_dataset(parts: YearParts, filled: Filled) -> tuple[xarray.Dataset, tup
     if parts.burns:
         coords["lamps"] = ("lamps", np.array(list(parts.burns), dtype=object))
         dims = ("state", "lamps", "sensor") if stacked else ("lamps", "sensor")
-        told = {**_LX, "long_name": "electric light"}
-        variables["electric_illuminance"] = dims, filled.electric[which], told
+        for key, (name, what) in _OF_LAMPS.items():
+            if key in filled.electric:
+                told = {**_LX, "long_name": what}
+                variables[name] = dims, filled.electric[key][which], told
         on = np.stack(list(parts.burns.values()))
         variables["electric_on"] = ("lamps", "time"), on, {"long_name": "whether lamps burn"}
     return xr.Dataset(variables, coords=coords), (*of_sensor, "time")

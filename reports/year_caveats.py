@@ -62,7 +62,8 @@ def _of_grids(dataset: xarray.Dataset) -> list[str]:
         return []
     graded = ", ".join(name for name, is_level in level.items() if is_level) or "no grid"
     return [
-        f"{', '.join(others)}: not all points face straight up, so that illuminance and hours of "
-        "sun alone are told; DA, UDI, sDA, ASE, daylight factors, EN 17037's provision, LEED and "
-        f"BREEAM are defined on a horizontal work plane: {graded} is graded by them"
+        f"{', '.join(others)}: not all points face straight up, so that illuminance, melanopic "
+        "values where they are asked for, and hours of sun alone are told; DA, UDI, sDA, ASE, "
+        "daylight factors, EN 17037's provision, LEED and BREEAM are defined on a horizontal work "
+        f"plane: {graded} is graded by them"
     ]

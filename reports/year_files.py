@@ -30,6 +30,7 @@ _POINTS = (
     "cDA300_pct", *(f"UDI_{name.replace(' ', '_')}_pct" for name in UDI_NAMES),
     "sun_above_1000_lx_h", "sun_h",
 )  # fmt: skip
+_MELANOPIC = ("EDI_mean_lx", "EDI250_pct")
 #: Of these, those that points of work planes have alone.
 _OF_WORK_PLANES = tuple(name for name in _POINTS if "DA300" in name or "UDI" in name)
 
@@ -88,6 +89,9 @@ def write_year(
         if not table.is_level:
             some = [k for k, name in enumerate(names) if name not in _OF_WORK_PLANES]
             names, columns = [names[k] for k in some], [columns[k] for k in some]
+        if table.melanopic is not None:
+            columns += [table.melanopic[0], 100.0 * table.melanopic[1]]
+            names += _MELANOPIC
         if table.name in views:
             columns += view_columns(views[table.name])
             names += VIEW_COLUMNS

@@ -47,8 +47,9 @@ def year_rows(dataset: xarray.Dataset, tables: list[GridTable] | None = None) ->
 
     Those by hours of a whole year are left out of shorter weather, and those of LM-83 where the
     building is not used in its hours. Of grids that do not face up, such as those of eyes or walls,
-    illuminance and hours of sun are told, but nothing that is defined on a work plane: see
-    `year_remarks`. Level grids have some together, as LEED adds rooms up, where there are several.
+    illuminance, melanopic or not, and hours of sun are told, but nothing that is defined on a work
+    plane: see `year_remarks`. Level grids have some together, as LEED adds rooms up, where there
+    are several.
 
     Parameters
     ----------
@@ -122,6 +123,11 @@ def _by_schedule(table: GridTable, dataset: xarray.Dataset) -> _Found:
         lamps, on = dataset["lamps"].values, dataset["electric_on"].values
         for group, burns in zip(lamps, on, strict=True):
             found.append((f"electric_{group}_h", step_h * float(burns.sum()), "h"))
+    for more, values in (("", table.melanopic), ("_with_electric", table.melanopic_with_lamps)):
+        if values is not None:
+            mean, enough = (float(share @ part) for part in values)
+            found.append((f"EDI_mean{more}_lx", mean, "lx"))
+            found.append((f"EDI250_mean{more}_pct", 100.0 * enough, "% of hours"))
     return found
 
 

@@ -8,6 +8,7 @@ from .autonomy import UDI_LX, UDI_NAMES
 from .en17037 import LEVELS, MINIMUM_AREA, TARGET_AREA
 from .green_credits import ASE_TOLD, HOURS, RANGE_LX, USES
 from .lm83 import ASE_HOURS, ASE_LX, SDA_LX, SDA_SHARE
+from .melanopic import ENOUGH_LX
 
 _MEAN = "mean of the area"
 _USE = "in the hours of use"
@@ -16,6 +17,17 @@ _ASE = f"ASE{ASE_LX:g},{ASE_HOURS:g}h"
 _NAMES = {
     "E_mean_lx": f"Mean illuminance {_USE}, Ē",
     "E_mean_with_electric_lx": f"Mean illuminance {_USE} with electric light, Ē",
+    **{
+        f"EDI{key}": f"{name}{more}, modelled"
+        for end, more in (("", ""), ("_with_electric", " with electric light"))
+        for key, name in (
+            (f"_mean{end}_lx", f"Mean melanopic equivalent daylight illuminance {_USE}"),
+            (
+                f"{ENOUGH_LX:g}_mean{end}_pct",
+                f"Melanopic EDI of {ENOUGH_LX:g} lx or more {_USE} (asked for at eyes), {_MEAN}",
+            ),
+        )
+    },
     "DA300_mean_pct": f"Daylight autonomy DA{SDA_LX:g}, {_MEAN}",
     "cDA300_mean_pct": f"Continuous daylight autonomy cDA{SDA_LX:g}, {_MEAN}",
     "blinds_not_in_first_state_pct": f"Blinds not in their first state {_USE}",

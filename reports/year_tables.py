@@ -21,6 +21,7 @@ from .autonomy import continuous_autonomy, daylight_autonomy, useful_illuminance
 from .en17037 import YearProvision
 from .green_credits import ClimateHours, equinox_steps
 from .lm83 import LM83_HOURS, blinds_states, exposed_hours, exposed_points, group_rows, in_states
+from .melanopic import melanopic
 from .sunlight import is_in_season, sunlight_hours
 
 if TYPE_CHECKING:
@@ -64,6 +65,9 @@ class GridTable:
         At 9 h and 15 h of clear days of the equinoxes, with blinds open; see `equinox_steps`.
     with_lamps_lx : (m,) array or None
         As ``mean_lx``, electric light included.
+    melanopic, melanopic_with_lamps : (2, m) array or None
+        Mean melanopic EDI over these steps [lx], and share of them in which it is enough, see
+        `melanopic`; of daylight, and with electric light.
     provision : YearProvision
         Levels of EN 17037.
     climate : ClimateHours
@@ -87,6 +91,8 @@ class GridTable:
     exposure_lx_h: FloatArray = field(init=False)
     equinox_lx: FloatArray | None = None
     with_lamps_lx: FloatArray | None = None
+    melanopic: FloatArray | None = None
+    melanopic_with_lamps: FloatArray | None = None
 
 
 def light_errors(dataset: xarray.Dataset) -> FloatArray | None:
@@ -193,7 +199,8 @@ def _table(
     )
     parts: dict[str, list[FloatArray]] = {}
     for some in _blocks(rows):
-        values, sun = _light(dataset, some)
+        told, sun = _light(dataset, some)
+        values = told
         if (factors[some] != 1.0).any():
             values = sun + (values - sun) * factors[some, None].astype(values.dtype)
         light = values[0] if table.states is None else in_states(values, table.states)
@@ -211,8 +218,17 @@ def _table(
             # Of each hour the mean of both days, last axis the hour; no blinds, see LEED.
             found["equinox_lx"] = values[0][:, equinox].mean(axis=1).T
         if "electric_on" in dataset:
-            lamps = _electric(dataset, some, table.states)
+            lamps = _electric(dataset, "electric_illuminance", some, table.states)
             found["with_lamps_lx"] = _mean(light + lamps, occupied)
+        if "melanopic_edi" in dataset:
+            # Light that is more or less has the same colour.
+            change = np.divide(values, told, out=np.ones_like(told), where=told > 0.0)
+            edi = change * _values(dataset, "melanopic_edi", some)
+            own = edi[0] if table.states is None else in_states(edi, table.states)
+            found["melanopic"] = melanopic(own, occupied)
+            if "electric_on" in dataset:
+                own = own + _electric(dataset, "electric_melanopic_edi", some, table.states)
+                found["melanopic_with_lamps"] = melanopic(own, occupied)
         table.provision.add(light, area)
         table.climate.add(light, area)
         for key, value in found.items():
@@ -231,12 +247,17 @@ def _blocks(rows: IntArray) -> Iterator[IntArray]:
 
 def _light(dataset: xarray.Dataset, some: IntArray) -> tuple[FloatArray, FloatArray]:
     """Light, and that straight from the sun, (k, m, n) of some sensors in k states. [lx]"""
+    light, sun = (_values(dataset, key, some) for key in ("illuminance", "sun_illuminance"))
+    return light, sun
+
+
+def _values(dataset: xarray.Dataset, name: str, some: IntArray) -> FloatArray:
+    """One variable (k, m, n) of some sensors in k states."""
     # As a slice, which files are read by much faster; grids lie one after the other.
     whole = len(some) == some[-1] - some[0] + 1
-    block = dataset.isel(sensor=slice(some[0], some[-1] + 1) if whole else some)
-    found = [np.asarray(block[key].values) for key in ("illuminance", "sun_illuminance")]
-    light, sun = (values if values.ndim == 3 else values[None] for values in found)
-    return light, sun
+    block = dataset[name].isel(sensor=slice(some[0], some[-1] + 1) if whole else some)
+    values = np.asarray(block.values)
+    return values if values.ndim == 3 else values[None]
 
 
 def _states(dataset: xarray.Dataset, rows: IntArray) -> IntArray | None:
@@ -254,9 +275,11 @@ def _states(dataset: xarray.Dataset, rows: IntArray) -> IntArray | None:
     return blinds_states(exposed, len(rows), groups)
 
 
-def _electric(dataset: xarray.Dataset, some: IntArray, states: IntArray | None) -> FloatArray:
-    """Electric light (m, n) of some sensors in each step. [lx]"""
-    lux = np.asarray(dataset["electric_illuminance"].isel(sensor=some).values)
+def _electric(
+    dataset: xarray.Dataset, name: str, some: IntArray, states: IntArray | None
+) -> FloatArray:
+    """Electric light (m, n) of some sensors in each step, as one variable tells it. [lx]"""
+    lux = np.asarray(dataset[name].isel(sensor=some).values)
     on = np.asarray(dataset["electric_on"].values, dtype=np.float64)
     if states is None:
         return np.asarray(lux.T @ on)

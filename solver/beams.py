@@ -49,7 +49,8 @@ class Beams:
     shares : (N, k / N) array
         Share of each point in the mean of the unknown it is for, one after the other.
     weights : (c, N) array
-        What illuminance of each unknown adds to each of c values: sensors, or sensors by colour.
+        What illuminance of each unknown adds to each of c values: of sensors, or of sensors in the
+        colour of the sky and then in that of the sun, and so on for other values than illuminance.
     sky : OpenSky
         Tells what is open.
     """
@@ -122,12 +123,22 @@ class Beams:
         )
 
     def of_sky(self, sensors: int) -> Beams:
-        """Those of the first columns, one a sensor: in the colour of the sky."""
-        return replace(self, weights=self.weights[:sensors])
+        """Those in the colour of the sky, of so many sensors; see `daylit`."""
+        return self._blocks(sensors, slice(0, None, 2))
 
     def of_sun(self, sensors: int) -> Beams:
-        """Those of the last columns, one a sensor: in the colour of the sun."""
-        return replace(self, weights=self.weights[-sensors:])
+        """Those in the colour of the sun."""
+        alike = len(self.weights) == sensors
+        return self._blocks(sensors, slice(0 if alike else 1, None, 2))
+
+    def first(self, sensors: int) -> Beams:
+        """Those of the first columns, one a sensor."""
+        return self._blocks(sensors, slice(0, 1))
+
+    def _blocks(self, sensors: int, which: slice) -> Beams:
+        values, points = self.weights.shape
+        parts = self.weights.reshape(values // sensors, sensors, points)[which]
+        return replace(self, weights=parts.reshape(len(parts) * sensors, points))
 
     def coefficients(
         self, directions: FloatArray, tell: Callable[[int, int], None] | None = None

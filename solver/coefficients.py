@@ -21,6 +21,28 @@ CHECKED = 48
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Melanopic:
+    """The same in melanopic EDI of CIE S 026, of light from outside of constant colour.
+
+    Attributes
+    ----------
+    sky, sun : float
+        That of 1 lx of light of the sky, and of the sun. [lx]
+    indirect, beams : (m, B) and (m, C) array
+        By what `Coefficients` has them by.
+    ground_by_sky, ground_by_sun : (m,) array
+        By what the ground makes of 1 lx of each on it.
+    """
+
+    sky: float
+    sun: float
+    indirect: FloatArray
+    beams: FloatArray
+    ground_by_sky: FloatArray
+    ground_by_sun: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Coefficients:
     """What light from outside makes at m sensors; row i of every array is the same sensor.
 
@@ -41,6 +63,8 @@ class Coefficients:
         Indirect light of suns by themselves, before it is scaled.
     beam_scale : (m,) array
         What indirect light told by beams was scaled by.
+    melanopic : Melanopic or None
+        Where the spectrum is asked for.
     """
 
     sky_grid: DomeGrid
@@ -52,6 +76,7 @@ class Coefficients:
     sun: SunLight
     exact_beams: Beams
     beam_scale: FloatArray
+    melanopic: Melanopic | None = None
 
     def sun_indirect(self, suns: FloatArray) -> FloatArray:
         """Indirect illuminance (m, k) by the sun in directions (k, 3), of 1 lx facing it."""

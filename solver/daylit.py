@@ -20,13 +20,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .beams import Beams
-from .coefficients import Coefficients
+from .coefficients import Coefficients, Melanopic
 from .dome_grid import DomeGrid, dome_grid
 from .errors import InputError
 from .field import FieldSolver
 from .memory import available_bytes
 from .model.arrays import FloatArray, IntArray
-from .model.bands import LUMINANCE_WEIGHTS, SPECTRAL
+from .model.bands import SPECTRAL
+from .model.colorimetry import melanopic_edi
 from .model.reached import NOWHERE
 from .model.result import luminous
 from .model.scene import SceneData
@@ -34,7 +35,7 @@ from .model.sky import CIESky, Ground
 from .open_sky import OpenSky
 from .simulation import Options, Simulation, Solved
 from .solved_field import Field
-from .spectra import cct_to_rgb
+from .spectra import cct_color
 from .stages import Stages
 from .sun_light import SunLight
 
@@ -48,7 +49,8 @@ FINE = 0.01
 #: they do not know of sensors. Form factors of a mesh for which that matters took more while they
 #: were found. [B]
 BLOCK_BYTES = 1_000_000_000
-#: What a sensor takes for its cells, the finer ones, and for a block of steps. [B]
+#: What a sensor takes for its cells, the finer ones, and for a block of steps; twice that where
+#: melanopic values are told beside. [B]
 OF_CELLS = 500_000
 #: Sensors done at a time, at least and a multiple of it: those of a chunk of a year's file.
 SENSORS = 64
@@ -124,10 +126,6 @@ class DaylitScene:
             stages.warnings.append(
                 "glossy surfaces: through a year they reflect sky and sun as if they were matt"
             )
-        if scene.bands == SPECTRAL:
-            stages.warnings.append(
-                "spectral = true: colour and melanopic values are not told through a year"
-            )
         # In a cavity of its own nothing hides anything from anything, but its wall the sky.
         sky = OpenSky(even, solver.blockers, trace=solver.trace or solver.in_cavity)
         return cls(even, run, solver, solved, sky, stages)
@@ -173,33 +171,67 @@ class DaylitScene:
             exact = self._at("sky.direct")[some]
             direct = self._open(points, normals, sky_grid, exact)
         with self.stages.run("weights of surfaces"):
-            beams = self._beams(some, POINTS[fine])
+            weights = self._importance(some)
+            beams = self._beams(weights, POINTS[fine])
         with self.stages.run("beams of the sky") as tell:
             by_sky = beams.of_sky(m).coefficients(beam_grid.directions, tell)
         with self.stages.run("beams of the sun") as tell:
-            by_sun = np.full((m, len(sun_grid)), np.nan)
+            of_sun = beams.of_sun(m)
+            by_sun = np.full((len(of_sun.weights), len(sun_grid)), np.nan)
             cells = np.arange(len(sun_grid))
             if suns is not None:
                 cells = np.unique(sun_grid.between(suns)[0])
-            of_sun = beams.of_sun(m)
             by_sun[:, cells] = of_sun.coefficients(sun_grid.directions[cells], tell)
         # Of each cell of the sky, beams from its middle: linear between those that were looked at.
         found = beam_grid.interpolated(by_sky, sky_grid.directions) * sky_grid.solid_angle
+        found, more = found[:m], found[m:]  # what is left is melanopic
         told, indirect = found.sum(axis=1), self._at("sky.indirect")[some]
         scale = np.where(told > 0.0, indirect / np.where(told > 0.0, told, 1.0), 1.0)
         # There are π lx on the ground in the solve.
         ground = self._at("ground.direct") + self._at("ground.indirect")
+        melanopic = None
+        if self.solver.bands == SPECTRAL:
+            on_ground = self._melanopic_ground(some, weights)
+            melanopic = Melanopic(
+                sky=_melanopic(SKY_CCT_K),
+                sun=_melanopic(SUN_CCT_K),
+                indirect=scale[:, None] * more,
+                beams=scale[:, None] * by_sun[m:],
+                ground_by_sky=on_ground[0],
+                ground_by_sun=on_ground[1],
+            )
         return Coefficients(
             sky_grid=sky_grid,
             sun_grid=sun_grid,
             direct=direct,
             indirect=scale[:, None] * found,
-            beams=scale[:, None] * by_sun,
+            beams=scale[:, None] * by_sun[:m],
             ground=ground[some] / math.pi,
             sun=SunLight(self.sky, self.run.budget, points, normals),
-            exact_beams=of_sun,
+            exact_beams=of_sun.first(m),
             beam_scale=scale,
+            melanopic=melanopic,
         )
+
+    def _melanopic_ground(
+        self, some: IntArray, weights: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Melanopic EDI (m,) at some sensors by a ground in the light of sky, or sun, 1 lx. [lx]
+
+        Of what is reflected in the scene, the ``weights`` (4 m, N) of surfaces tell how melanopic
+        it is against its illuminance in the light of the sky, which the solve knows.
+        """
+        ground = self.solved.field.arriving.components.get("ground.direct")
+        straight, indirect = (self._at(f"ground.{part}")[some] for part in ("direct", "indirect"))
+        if ground is None:
+            return np.zeros(len(some)), np.zeros(len(some))
+        lux = (weights @ luminous(ground)).reshape(4, len(some))
+        ratios = lux[2:] / np.where(lux[0] > 0.0, lux[0], np.inf)
+        by_sky, by_sun = (
+            (_melanopic(cct) * straight + ratio * indirect) / math.pi
+            for cct, ratio in zip((SKY_CCT_K, SUN_CCT_K), ratios, strict=True)
+        )
+        return by_sky, by_sun
 
     def _open(
         self, points: FloatArray, normals: FloatArray, grid: DomeGrid, exact: FloatArray
@@ -231,8 +263,8 @@ class DaylitScene:
         ]
         return np.concatenate(parts)
 
-    def _beams(self, some: IntArray, points: int) -> Beams:
-        """What beams on the surfaces matter for some sensors."""
+    def _beams(self, weights: FloatArray, points: int) -> Beams:
+        """What beams on the surfaces matter, by the ``weights`` of `_importance`."""
         field = self.solved.field
         element, node, side = _nodes_of(field)
         return Beams.of(
@@ -240,7 +272,7 @@ class DaylitScene:
             element,
             node,
             side,
-            self._importance(some),
+            weights,
             _under_sky(field),
             self.sky,
             points,
@@ -249,7 +281,8 @@ class DaylitScene:
     def _importance(self, some: IntArray) -> FloatArray:
         """What illuminance of each unknown adds to that of each of some sensors (c, N).
 
-        In scenes with colours there are two rows of sensors, for the colour of sky and of sun.
+        In scenes with colours there are two rows of sensors, for the colour of sky and of sun; and
+        where the spectrum is asked for two more, for what it adds to melanopic EDI.
         """
         field, unknowns = self.solved.field, self.solved.field.unknowns
         parts, first = [], 0
@@ -268,9 +301,12 @@ class DaylitScene:
         weights *= field.system.reflectance
         if weights.shape[2] == 1:
             return weights[..., 0]
-        lum = np.array(LUMINANCE_WEIGHTS)
-        colors = [lum * cct_to_rgb(cct) for cct in (SKY_CCT_K, SUN_CCT_K)]
-        return np.concatenate([weights @ color for color in colors])
+        bands = self.solver.bands
+        colors = [cct_color(cct, bands) for cct in (SKY_CCT_K, SUN_CCT_K)]
+        told = [luminous(np.eye(bands))]
+        if bands == SPECTRAL:
+            told.append(melanopic_edi(np.eye(bands)))
+        return np.concatenate([weights @ (one * color) for one in told for color in colors])
 
 
 def block_of(unknowns: int, bands: int, room: int | None = None) -> int:
@@ -288,13 +324,13 @@ def bytes_of_sensor(unknowns: int, bands: int) -> int:
     Weights as they are found, in all bands together and apart, and in the colours of light; and
     what cells and a block of steps take.
     """
-    return 8 * unknowns * (2 + 4 * bands) + OF_CELLS
+    return 8 * unknowns * (2 + 4 * bands) + OF_CELLS * (2 if bands == SPECTRAL else 1)
 
 
 def even_scene(scene: SceneData) -> SceneData:
     """The scene under a sky of luminance 1 cd/m², its lamps dark."""
     return replace(
-        scene.without_spectra,
+        scene,
         sky=CIESky(5, zenith_luminance_cd_m2=1.0, cct_k=SKY_CCT_K),
         sun=None,
         ground=Ground() if scene.ground is None else scene.ground,
@@ -323,6 +359,11 @@ def check_scene(scene: SceneData) -> None:
                 f"year: glass with diffuse = {glazing.glass.diffuse:g}: panes that scatter are not "
                 "done through a year; must be 0"
             )
+
+
+def _melanopic(cct_k: float) -> float:
+    """Melanopic EDI of 1 lx of white light. [lx]"""
+    return float(melanopic_edi(cct_color(cct_k, SPECTRAL)))
 
 
 def _under_sky(field: Field) -> FloatArray:

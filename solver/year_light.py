@@ -26,6 +26,8 @@ class YearLight:
         Of the sun.
     ground : (m, k) array
         Of the ground that both light.
+    melanopic_edi : (m, k) array or None
+        Melanopic EDI of all of it, where the spectrum is asked for.
     """
 
     sky_direct: FloatArray
@@ -33,6 +35,7 @@ class YearLight:
     sun_direct: FloatArray
     sun_indirect: FloatArray
     ground: FloatArray
+    melanopic_edi: FloatArray | None = None
 
     @property
     def total(self) -> FloatArray:
@@ -48,19 +51,32 @@ def light_in_steps(coefficients: Coefficients, skies: SkySeries, steps: IntArray
     linear between the places of `Coefficients.sun_grid`.
     """
     m, k = len(coefficients.ground), len(steps)
-    parts = {name: np.zeros((m, k)) for name in YearLight.__dataclass_fields__}
+    names = ("sky_direct", "sky_indirect", "sun_direct", "sun_indirect", "ground")
+    parts, own = {name: np.zeros((m, k)) for name in names}, coefficients.melanopic
+    indirect = np.zeros((m, k))  # melanopic, of sky and sun
     day = np.flatnonzero(skies.sky_lx[steps] > 0.0)
     for start in range(0, len(day), STEPS):
         at = day[start : start + STEPS]
         luminances = skies.luminances(coefficients.sky_grid, steps[at])
         parts["sky_direct"][:, at] = coefficients.direct @ luminances
         parts["sky_indirect"][:, at] = coefficients.indirect @ luminances
+        if own is not None:
+            indirect[:, at] = own.indirect @ luminances
     sunny = np.flatnonzero(skies.sun_normal_lx[steps] > 0.0)
     if len(sunny):
-        own = steps[sunny]
-        level = skies.sun_normal_lx[own]
-        direct = coefficients.sun.light(skies.altitude_deg[own], skies.azimuth_deg[own])
+        some = steps[sunny]
+        level, suns = skies.sun_normal_lx[some], skies.suns[some]
+        direct = coefficients.sun.light(skies.altitude_deg[some], skies.azimuth_deg[some])
         parts["sun_direct"][:, sunny] = level * direct
-        parts["sun_indirect"][:, sunny] = level * coefficients.sun_indirect(skies.suns[own])
-    parts["ground"] = coefficients.ground[:, None] * skies.level_lx[steps]
-    return YearLight(**parts)
+        parts["sun_indirect"][:, sunny] = level * coefficients.sun_indirect(suns)
+        if own is not None:
+            indirect[:, sunny] += level * coefficients.sun_grid.interpolated(own.beams, suns)
+    on_ground = skies.level_lx[steps]
+    parts["ground"] = coefficients.ground[:, None] * on_ground
+    if own is None:
+        return YearLight(**parts)
+    by_sky = skies.sky_lx[steps]
+    ground = own.ground_by_sky[:, None] * by_sky
+    ground += own.ground_by_sun[:, None] * (on_ground - by_sky)
+    direct = own.sky * parts["sky_direct"] + own.sun * parts["sun_direct"]
+    return YearLight(**parts, melanopic_edi=direct + indirect + ground)

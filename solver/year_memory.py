@@ -9,10 +9,12 @@ from . import memory
 from .budget import Budget, scene_bytes
 from .daylit import SENSORS, block_of, bytes_of_sensor, even_scene
 from .errors import OutOfMemoryError
+from .model.bands import SPECTRAL
 from .model.scene import SceneData
 from .store import STORE
 
-#: Bytes of a value of the result, and values of a sensor in a step: light, and that of the sun.
+#: Bytes of a value of the result, and values of a sensor in a step: light, and that of the sun;
+#: where the spectrum is asked for one more.
 VALUE_BYTES, VALUES = 4, 2
 
 
@@ -65,7 +67,7 @@ class YearMemory:
         budget, more = Budget.of(even, accuracy), scene_bytes(even)
         unknowns, elements = budget.unknowns, budget.elements
         sensors = sum(len(grid) for grid in even.sensors)
-        bands = 1 if even.is_grey else 3
+        bands = even.bands
         rest = (memory.ROW_BYTES + more) * elements * sensors + memory.UNKNOWN_BYTES * unknowns
         whole = least = _whole_bytes(unknowns, elements, more)
         packed, own = 0, memory.PACKED_BYTES * unknowns**2
@@ -75,14 +77,14 @@ class YearMemory:
             least, packed = memory.BLOCK_BYTES, own
             if always:
                 whole = least + packed
-        each = bytes_of_sensor(unknowns, bands)
+        each, values = bytes_of_sensor(unknowns, bands), VALUES + (bands == SPECTRAL)
         return cls(
             mesh=whole + rest,
             least_mesh=least + rest,
             packed=packed,
             block=min(sensors, block_of(unknowns, bands)) * each,
             least_block=min(sensors, SENSORS) * each,
-            result=VALUES * VALUE_BYTES * states * sensors * steps if in_memory else 0,
+            result=values * VALUE_BYTES * states * sensors * steps if in_memory else 0,
             elements=elements,
             sensors=sensors,
         )

@@ -155,6 +155,11 @@ def test_memory_grows_with_what_is_kept():
     own = YearMemory.of(data, **of, states=3, in_memory=True)
     assert file.result == 0 and own.mesh == file.mesh >= file.least_mesh > 0
     assert own.result == 2 * 4 * 3 * 9 * 8760
+    scene = room()
+    scene.add(SensorGrid(POINTS, (0, 0, 1), name="spectral", spectral=True))
+    spectral = YearMemory.of(scene.freeze(), **of, states=1, in_memory=True)
+    assert spectral.result == 3 * 4 * 18 * 8760  # melanopic values, too
+    assert spectral.block > 2 * file.block  # in twenty bands
     many = SensorGrid(np.tile(POINTS, (2000, 1)), (0, 0, 1), name="many")
     scene = room()
     scene.add(many)
@@ -199,6 +204,58 @@ def test_electric_light_beside_daylight(weather_file, whole):
     light, plain = (year["illuminance"].values.sum() for year in (found, whole))
     assert light == pytest.approx(plain, rel=0.03)
     assert "electric_on" not in simulate_year(lamp_room(), weather_file, accuracy=0.3)
+
+
+def spectral_room():
+    """A reddish floor and two lamps of different white, sensors as eyes have them."""
+    scene = room()
+    scene.assign("floor", Material((0.6, 0.4, 0.2)))
+    for k, (group, cct) in enumerate({"warm": 2700, "cold": 6500}.items()):
+        scene.add(level(0.2, 2.9 - 0.1 * k, up=False), group)
+        scene.assign(group, Emitter(flux_lm=3000.0, cct_k=cct, group=group))
+    scene.add(SensorGrid([(0.0, 1.5, 1.2)], (0, -1, 0), name="eye", spectral=True))
+    return scene
+
+
+def test_melanopic_light_of_a_year(weather_file, tmp_path):
+    """In the file as in memory, of lamps as simulations by night have it, and told in metrics."""
+    given = {"accuracy": 0.3, "electric": {"warm": "always", "cold": "12:00-13:00"}}
+    own = simulate_year(spectral_room(), weather_file, **given)
+    with simulate_year(spectral_room(), weather_file, out=tmp_path / "a.nc", **given) as file:
+        for name in ("melanopic_edi", "electric_melanopic_edi"):
+            np.testing.assert_allclose(file[name].values, own[name].values, rtol=1e-6)
+        assert file["melanopic_edi"].attrs["spectrum"].startswith("modelled: daylight of 6500 K")
+    edi, lux = (own[name].values for name in ("melanopic_edi", "illuminance"))
+    day = lux.sum(axis=0) > 0.0
+    assert (edi[:, ~day] == 0.0).all() and day.any()
+    # 1 lx of daylight of 5500 and 6500 K is 0.905 and 0.996 lx; the floor's red takes some of it.
+    ratio = edi[:, day] / lux[:, day]
+    assert 0.75 < ratio.min() < 0.9 < ratio.max() < 1.0
+    for g, group in enumerate(("warm", "cold")):
+        scene = spectral_room()
+        other = "cold" if group == "warm" else "warm"
+        scene.assign(other, Emitter(flux_lm=0.0, group=other))
+        night = dataclasses.replace(scene.freeze(), ground=None)
+        found = simulate(night, accuracy=0.3).sensors["eye"].spectral
+        told = own["electric_melanopic_edi"].values[g, -1:]
+        np.testing.assert_allclose(told, found.melanopic_edi_lx, rtol=1e-6)
+    write_year(own, tmp_path, inputs=[])
+    rows = json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8"))["metrics"]
+    values = {row["id"]: row["value"] for row in rows}
+    used = own["occupied"].values
+    assert values["eye.EDI_mean_lx"] == pytest.approx(edi[-1, used].mean())
+    lamps = own["electric_melanopic_edi"].values.T @ own["electric_on"].values
+    whole = (edi + lamps)[-1, used]
+    assert values["eye.EDI_mean_with_electric_lx"] == pytest.approx(whole.mean())
+    share = 100.0 * (whole >= 250.0).mean()
+    assert values["eye.EDI250_mean_with_electric_pct"] == pytest.approx(share)
+    lines = (tmp_path / "grids" / "eye.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0].endswith("EDI_mean_lx,EDI250_pct")
+    # Sensors that ask for no spectrum are another year, whose parts are not taken for these.
+    scene = spectral_room()
+    plain, asked = of_scene(scene.freeze().without_spectra, True), of_scene(scene.freeze(), True)
+    assert key_of(plain) != key_of(asked)
+    assert "melanopic_edi" not in simulate_year(room(), weather_file, accuracy=0.3)
 
 
 def test_electric_light_leaves_what_is_kept_of_the_scene_itself(weather_file):

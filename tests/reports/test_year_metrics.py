@@ -372,6 +372,8 @@ def test_every_metric_has_a_name_that_engineers_know():
     year["daylight_factor"] = "sensor", [0.02, 0.02, 0.02]
     year["electric_illuminance"] = ("state", "lamps", "sensor"), np.ones((3, 1, 3))
     year["electric_on"] = ("lamps", "time"), np.ones((1, 8760), bool)
+    year["melanopic_edi"] = 0.9 * year["illuminance"]
+    year["electric_melanopic_edi"] = 0.5 * year["electric_illuminance"]
     year = year.assign_coords(lamps=["ceiling_row"])
     year.attrs["sun_day"] = "03-21"
     rows = year_rows(year)
@@ -485,6 +487,31 @@ def test_rows_of_what_is_told_besides():
     year.attrs.update(sun_day="06-21", sun_above_deg=0.0)
     assert year_remarks(year) == []
     assert not any("EN17037_sunlight" in row["id"] for row in year_rows(year))
+
+
+def test_rows_of_melanopic_light():
+    """0.7 of 400 and of 200 lx: the nearer grid has enough, the other one with electric light.
+
+    Stated errors of a tenth are those of light of the same colour; 280 lx less a tenth still do.
+    """
+    year = dataset()
+    year["melanopic_edi"] = 0.7 * year["illuminance"]
+    year["relative_error"] = "sensor", [0.1, 0.1, 0.1]
+    found = {row["id"]: row for row in year_rows(year)}
+    assert found["near.EDI_mean_lx"]["value"] == pytest.approx(280.0)
+    # What the sun sends straight has no error: at one of two points, a tenth of the hours.
+    assert found["near.EDI250_mean_pct"]["value"] == 100.0
+    assert found["far.EDI_mean_lx"]["low"] == pytest.approx(126.0)
+    assert found["far.EDI_mean_lx"]["high"] == pytest.approx(154.0)
+    assert found["far.EDI250_mean_pct"]["value"] == 0.0
+    year["lamps"] = "lamps", np.array(["ceiling"], dtype=object)
+    year["electric_illuminance"] = ("lamps", "sensor"), [[200.0, 200.0, 200.0]]
+    year["electric_melanopic_edi"] = ("lamps", "sensor"), [[120.0, 120.0, 120.0]]
+    hour = np.arange(8760) % 24
+    year["electric_on"] = ("lamps", "time"), ((hour >= 8) & (hour < 13))[None]
+    found = {row["id"]: row["value"] for row in year_rows(year)}
+    assert found["far.EDI_mean_with_electric_lx"] == pytest.approx(200.0)
+    assert found["far.EDI250_mean_with_electric_pct"] == pytest.approx(50.0)
 
 
 def test_stated_errors_are_carried_to_the_metrics():

@@ -46,7 +46,7 @@ def quad(*corners):
     return PatchSet.from_bilinear(np.array([corners], float))
 
 
-def room(glass=False, ball=False, color=False, turned=0.0, rho=0.5):
+def room(glass=False, ball=False, color=False, turned=0.0, rho=0.5, spectral=False, terrain=False):
     """3 x 4 x 2.7 m with an opening 2 x 1.4 m to the south; ``turned`` from north [deg]."""
     scene = Scene(north_deg=turned)
     x, y, z, x0, x1, z0, z1 = 3.0, 4.0, 2.7, 0.5, 2.5, 0.9, 2.3
@@ -71,8 +71,13 @@ def room(glass=False, ball=False, color=False, turned=0.0, rho=0.5):
         scene.add(PatchSet.sphere((1.5, 1.0, 1.4), 0.25), "ball")
         scene.assign("ball", Material(0.3))
     grid = np.stack([g.ravel() for g in np.meshgrid([0.5, 1.5, 2.5], [0.5, 1.5, 2.5, 3.5], [0.8])])
-    scene.add(SensorGrid(grid.T, (0.0, 0.0, 1.0), name="plane"))
+    scene.add(SensorGrid(grid.T, (0.0, 0.0, 1.0), name="plane", spectral=spectral))
     scene.ground = Ground(0.2)
+    if terrain:
+        y0, z0 = -20.0, -0.5
+        scene.add(quad((-20, y0, z0), (23, y0, z0), (23, 0, z0), (-20, 0, z0)), "lawn")
+        scene.assign("lawn", Material((0.05, 0.3, 0.02)))
+        scene.ground = Ground(None)
     return scene
 
 
@@ -139,6 +144,51 @@ def test_each_step_is_a_simulation(kind, steps, accuracy):
             assert abs(told - own) <= 0.05 * own + result.error_lx.sum()
         ground = parts["ground.direct"] + parts["ground.indirect"]
         np.testing.assert_allclose(found.ground[:, step], ground, atol=4e-3 * mean)
+
+
+@pytest.mark.parametrize(
+    ("kind", "step"),
+    [
+        ("floor", 0),
+        ("floor", 1),
+        pytest.param("floor", 2, marks=pytest.mark.slow),
+        pytest.param("lawn", 0, marks=pytest.mark.slow),
+    ],
+)
+def test_melanopic_light_of_each_step_is_that_of_a_simulation(kind, step):
+    """Under an overcast sky, there with a green ground outside, too, and sun on a reddish floor.
+
+    What the sun's patch sends on is told to a twentieth, and the colour of the whole far better.
+    """
+    options = {"color": True, "spectral": True, "terrain": kind == "lawn"}
+    found = light_of(room(**options))
+    direct, diffuse, altitude, azimuth = RADIATION[step]
+    scene = room(**options)
+    scene.sky = PerezSky(
+        direct_normal_w_m2=direct,
+        diffuse_horizontal_w_m2=diffuse,
+        sun_altitude_deg=altitude,
+        sun_azimuth_deg=azimuth,
+    )
+    if direct > 0.0:
+        scene.sun = sun_of(scene.sky)
+    result = simulate(scene, accuracy=0.02).sensors["plane"]
+    assert found.melanopic_edi is not None and result.spectral is not None
+    edi, expected = found.melanopic_edi[:, step], result.spectral.melanopic_edi_lx
+    np.testing.assert_allclose(edi, expected, rtol=0.03)
+    der, own = edi / found.total[:, step], result.spectral.melanopic_der
+    np.testing.assert_allclose(der, own, rtol=4e-3)
+    assert np.ptp(own) > 0.02  # more of it is reflected far from the window
+    # Light is the same whether its spectrum is asked for or not.
+    plain = light_of(room(**{**options, "spectral": False})).total[:, step]
+    np.testing.assert_allclose(found.total[:, step], plain, rtol=0.01)
+
+
+def test_melanopic_light_is_told_where_it_is_asked_for(plain):
+    series = skies()
+    assert light_in_steps(plain, series, np.arange(6)).melanopic_edi is None
+    dark = light_of(room(spectral=True)).melanopic_edi[:, 5]
+    np.testing.assert_array_equal(dark, np.zeros(len(dark)))
 
 
 @pytest.fixture(scope="module")
