@@ -109,9 +109,9 @@ class Filler:
                 text = accuracy_message(even, self.accuracy, brightest=brightest)
                 warnings[k].insert(0, _of_state(name, text))
                 found[k] = replace(found[k], converged=False)
-            parts = [relative_errors(sensors, brightest[grid]) for grid, sensors in even.items()]
+            parts = [relative_errors(sensors) for sensors in even.values()]
             counts = [len(sensors.points) for sensors in even.values()]
-            # Of grids that are dark in all states nothing is wrong.
+            # Of grids that are dark nothing is wrong.
             own = [e if len(e) else np.zeros(n) for e, n in zip(parts, counts, strict=True)]
             points["relative_error"] = np.concatenate(own)[None]
             del points["even_lx"], points["even_error_lx"]

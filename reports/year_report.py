@@ -91,7 +91,7 @@ def render_year(
                     dataset, table, outlines.get(name, ()), triangles, north, index
                 ),
                 "error": "" if table is None or errors is None else formats.percent(
-                    float(np.quantile(errors[table.rows], 0.95))
+                    float(np.quantile(errors[0, table.rows], 0.95))
                 ),
             }
         )  # fmt: skip

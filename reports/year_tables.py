@@ -96,16 +96,17 @@ class GridTable:
 
 
 def light_errors(dataset: xarray.Dataset) -> FloatArray | None:
-    """What the light of each sensor (m,) may be off by, relative to it; None where none is told.
+    """What light (k, m) of m sensors may be off by in k states, relative; None where none is told.
 
     That is the stated error of the even sky, and twice the root mean square of what the sun makes
-    of indirect light is off by, which do not know of each other. Of scenes with states the largest.
+    of indirect light is off by, which do not know of each other.
     """
     if "relative_error" not in dataset:
         return None
     stated = np.asarray(dataset["relative_error"].values, dtype=np.float64)
-    worst = stated if stated.ndim == 1 else stated.max(axis=0)
-    return np.hypot(worst, 2.0 * float(dataset.attrs.get("sun_indirect_error", 0.0)))
+    return np.hypot(
+        np.atleast_2d(stated), 2.0 * float(dataset.attrs.get("sun_indirect_error", 0.0))
+    )
 
 
 def grid_tables(dataset: xarray.Dataset, factor: FloatArray | None = None) -> list[GridTable]:
@@ -115,8 +116,9 @@ def grid_tables(dataset: xarray.Dataset, factor: FloatArray | None = None) -> li
     ----------
     dataset : Dataset
         Of `simulate_year`.
-    factor : (m,) array, optional
-        What the light of each sensor is multiplied with, to know what its error makes of metrics.
+    factor : (k, m) array, optional
+        What the light of each sensor in each state is multiplied with, to know what its error
+        makes of metrics.
         What comes straight from the sun, whose disc is exact, and from lamps stays as it is.
 
     Raises
@@ -128,7 +130,7 @@ def grid_tables(dataset: xarray.Dataset, factor: FloatArray | None = None) -> li
     if lacking:
         raise InputError(f"dataset: lacks {', '.join(sorted(lacking))}: not of simulate_year")
     names = np.asarray(dataset["grid"].values).astype(str)
-    factors = np.ones(len(names)) if factor is None else np.asarray(factor, dtype=np.float64)
+    factors = np.ones((1, len(names))) if factor is None else np.asarray(factor)
     return [
         _table(dataset, name, np.flatnonzero(names == name), is_level, factors)
         for name, is_level in level_grids(dataset).items()
@@ -192,7 +194,7 @@ def _table(
         rows,
         np.asarray(dataset["area"].values, dtype=np.float64)[rows],
         is_level,
-        factors[rows],
+        factors[0, rows],
         _states(dataset, rows),
         YearProvision(sky, step_h),
         ClimateHours(step_h),
@@ -201,8 +203,8 @@ def _table(
     for some in _blocks(rows):
         told, sun = _light(dataset, some)
         values = told
-        if (factors[some] != 1.0).any():
-            values = sun + (values - sun) * factors[some, None].astype(values.dtype)
+        if (factors[:, some] != 1.0).any():
+            values = sun + (values - sun) * factors[:, some, None].astype(values.dtype)
         light = values[0] if table.states is None else in_states(values, table.states)
         area = table.area[np.searchsorted(rows, some)]
         found = {

@@ -153,8 +153,10 @@ class WebField:
         return self._by_rows(lamp, asked, surfaces, elements, *seen, areas)
 
     def _of(self, lamp: WebLamp, asked: Ask, elements: Elements) -> tuple[Any, ...]:
-        """What light of a lamp depends on for all receivers."""
-        return lamp.row, lamp.web, elements.nets, tolerances(asked.budget), asked.fine
+        """What light of a lamp depends on for all receivers; one grid of sensors is not another."""
+        at = asked.receivers
+        grid = at.nodes if (at.own < 0).all() else None
+        return lamp.row, lamp.web, elements.nets, tolerances(asked.budget), asked.fine, grid
 
     def _eps(self, asked: Ask) -> float:
         return asked.budget.fine_eps if asked.fine or not self.trace else asked.budget.eps

@@ -280,7 +280,8 @@ class Result:
     balance : Balance
         Flux ledger.
     row_sums : (n,) array
-        Sum of each element's form factors to all others, raw.
+        Sum of each element's form factors to all others, raw; NaN where nothing is reflected and
+        none are found.
     stages : dict
         Seconds spent, by stage that was run.
     skipped : dict

@@ -215,7 +215,8 @@ def test_a_shut_blind_is_judged_beside_the_brightest_state(weather_file, order):
     assert 0.0 < light["shut"] < 1e-4 * light["up"]
     assert found.attrs["converged"] == 1 and "not reached" not in found.attrs["remarks"]
     error = dict(zip(order, found["relative_error"].values[:, 0], strict=True))
-    assert error["shut"] < 1e-3 and error["up"] < 1e-3
+    # Each is told of its own light.
+    assert error["up"] < 1e-3 and error["shut"] > 0.05
 
 
 def test_which_parts_are_there(make_model):

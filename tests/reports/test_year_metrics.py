@@ -522,7 +522,7 @@ def test_stated_errors_are_carried_to_the_metrics():
     year["illuminance"][:] = 310.0
     year["relative_error"] = "sensor", [0.08, 0.0, 0.02]
     year.attrs["sun_indirect_error"] = 0.03  # hypot(0.08, 0.06) = 0.1
-    np.testing.assert_allclose(light_errors(year), [0.1, 0.06, np.hypot(0.02, 0.06)])
+    np.testing.assert_allclose(light_errors(year), [[0.1, 0.06, np.hypot(0.02, 0.06)]])
     year["sun_illuminance"][:] = 0.0
     found = {row["id"]: row for row in year_rows(year)}
     one = found["near.E_mean_lx"]

@@ -75,6 +75,14 @@ def test_no_lamp_is_looked_at_for_paint_and_dimming(asked, changed):
     assert np.allclose(direct(again), direct(fresh), rtol=1e-13)
 
 
+def test_grids_of_as_many_sensors_are_kept_apart(asked):
+    shelf = grid("shelf", PLANE.points + [0.05, -0.05, 0.3])
+    run(dataclasses.replace(room(), sensors=(PLANE, shelf)))
+    asked.clear()
+    run(dataclasses.replace(room(rho=0.4), sensors=(PLANE, shelf)))
+    assert not asked
+
+
 def test_another_web_is_another_lamp(asked):
     run(room())
     asked.clear()
