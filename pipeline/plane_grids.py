@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: More sensors than this are a mistyped spacing.
 MOST_POINTS = 200_000
+#: More than this on a floor that nobody named are told: it may be the terrain about the building.
+MANY_POINTS = 5000
 
 
 def sensors_on_plane(
@@ -36,6 +38,12 @@ def sensors_on_plane(
     points, areas = plane_cells(what, plan, rule.spacing)
     xyz = np.column_stack([points, np.full(len(points), rule.z)])
     free, notes = outside_solids(what, xyz, view)
+    if rule.over is None and rule.bounds is None and len(points) > MANY_POINTS:
+        x0, y0, x1, y1 = plan.bounds
+        notes.append(
+            f"{what}: {len(points)} points on the largest floor below z = {rule.z:g} m, "
+            f"{x1 - x0:.4g} x {y1 - y0:.4g} m; name another one with over, or give bounds"
+        )
     loops = [np.column_stack([ring, np.full(len(ring), rule.z)]) for ring in rings(plan)]
     sensors = Sensors(
         name,

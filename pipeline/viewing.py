@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,8 @@ from .year import with_grids
 if TYPE_CHECKING:
     from patchlight.solver.view_out import ViewOut
 
+    from .simulation import Progress
+
 Patterns = str | Iterable[str]
 
 
@@ -28,6 +31,7 @@ def view_out(
     outside: Patterns = (),
     ground: Patterns = (),
     state: str | Iterable[str] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, ViewOut]:
     """Sight angle, distance and layers of the view out of every sensor, by EN 17037 [1].
 
@@ -48,6 +52,8 @@ def view_out(
     state : str or several, optional
         State of the scene (`Scene.add_state`), or one of each window group; the first of each when
         not given, such as blinds that are up.
+    progress : callable, optional
+        Called as ``progress(stage, done, total)``.
 
     Returns
     -------
@@ -87,4 +93,5 @@ def view_out(
         return np.isin(hides.patches.part_index, list(rows))
 
     viewer = Viewer(hides.patches, of("outside", outside), of("ground", ground))
-    return {grid.name: viewer.view(grid.points, grid.area_m2) for grid in data.sensors}
+    tell = None if progress is None else partial(progress, "view out")
+    return {grid.name: viewer.view(grid.points, grid.area_m2, tell) for grid in data.sensors}

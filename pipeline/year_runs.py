@@ -96,7 +96,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     prepare_output(folder, used, force=options.force, own=("grids",))
     talk.progress("reading models", 0, len(file.model))
     scene = build_scene(file, path, cache=options.cache)
-    views = _views(scene, file)
+    views = _views(scene, file, talk)
     target = folder / "grids" / "annual.nc"
     target.parent.mkdir(parents=True, exist_ok=True)
     dataset = simulate_year(
@@ -132,7 +132,7 @@ def run_year(path: Path, options: YearOptions, talk: Talk) -> YearRun:
     return YearRun(folder, rows, warnings, converged)
 
 
-def _views(scene: Scene, file: SceneFile) -> dict[str, ViewOut]:
+def _views(scene: Scene, file: SceneFile, talk: Talk) -> dict[str, ViewOut]:
     """View out of the grids that the scene file asks for; none where it does not."""
     if file.view_out is None:
         return {}
@@ -140,7 +140,11 @@ def _views(scene: Scene, file: SceneFile) -> dict[str, ViewOut]:
 
     asked = file.view_out
     return view_out(
-        scene, sensors=asked.sensors or None, outside=asked.outside, ground=asked.ground
+        scene,
+        sensors=asked.sensors or None,
+        outside=asked.outside,
+        ground=asked.ground,
+        progress=talk.progress,
     )
 
 

@@ -19,7 +19,10 @@ def kept_quadrics(kept: Kept, blockers: Blockers) -> FloatArray:
     if before is None:
         out, new = np.zeros((len(nets), 5, 4)), np.ones(len(nets), dtype=bool)
     else:
-        out, new = before[1].copy(), moved_patches(before[0], nets)
+        new = moved_patches(before[0], nets)
+        if not new.any():
+            return before[1]
+        out = before[1].copy()
     curved = blockers.flags & PLANAR == 0
     out[new & ~curved] = 0.0
     rows = np.flatnonzero(new & curved)

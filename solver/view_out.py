@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,9 +108,21 @@ class Viewer:
         self._along, self._up = np.cos(altitude), np.sin(altitude)
         self._order = np.argsort(np.abs(altitude), kind="stable")
 
-    def view(self, points: FloatArray, area_m2: FloatArray) -> ViewOut:
-        """What is seen from ``points`` (m, 3), at the height of the eyes. [m]"""
-        found = [self._from(point) for point in points]
+    def view(
+        self,
+        points: FloatArray,
+        area_m2: FloatArray,
+        tell: Callable[[int, int], None] | None = None,
+    ) -> ViewOut:
+        """What is seen from ``points`` (m, 3), at the height of the eyes. [m]
+
+        ``tell`` is called as ``tell(done, total)``.
+        """
+        found = []
+        for done, point in enumerate(points):
+            if tell is not None:
+                tell(done, len(points))
+            found.append(self._from(point))
         angles, distances, layers = (np.array(values) for values in zip(*found, strict=True))
         return ViewOut(
             np.asarray(area_m2, dtype=np.float64),

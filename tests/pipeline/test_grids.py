@@ -119,6 +119,19 @@ def test_what_stands_in_the_middle_of_a_room_does_not_fill_it(low):
     assert g.area_m2.sum() == pytest.approx(11.0, rel=1e-6)
 
 
+@pytest.mark.parametrize("over", [None, "terrain"])
+def test_many_points_on_a_floor_that_nobody_named_are_told(make_model, over):
+    boxes = {
+        "terrain": ((80.0, 80.0, 0.2), (0.0, 0.0, -0.1), False),
+        "floor": ((4.0, 3.0, 0.1), (0.0, 0.0, 0.05), False),
+    }
+    scene = Scene(make_model("m", boxes))
+    scene.add(SensorGrid.on_plane("desk", z=0.8, spacing=1.0, over=over))
+    notes = [note for note in scene.freeze().notes if "points on the largest floor" in note]
+    assert len(notes) == (1 if over is None else 0)
+    assert all("6400 points" in note and "80 x 80 m" in note for note in notes)
+
+
 def test_air_volume_has_its_floor(make_model):
     model = make_model("m", {"volume": ((4.0, 3.0, 2.8), (2.0, 1.5, 1.4), False)})
     scene = Scene(model)
