@@ -41,6 +41,9 @@ from .sun_light import SunLight
 
 #: Colour of sky and sun: as `PerezSky` and `Sun` have them. [K]
 SKY_CCT_K, SUN_CCT_K = 6500.0, 5500.0
+#: Size of what sensors lie in against that of their grids, and of elements against that, from which
+#: on they are coarse: those of a room are half of it at most, whatever the accuracy.
+ROOM, COARSE = 1.5, 0.75
 #: Cells that luminances are told at, by which beams come that make light of the sky, and of the
 #: sun, as `dome_grid` has them, and points for each unknown; the finer for accuracies below `FINE`.
 SKY_PARTS, BEAM_PARTS, SUN_PARTS, POINTS = (4, 8), (3, 4), (6, 8), (16, 36)
@@ -126,6 +129,8 @@ class DaylitScene:
             stages.warnings.append(
                 "glossy surfaces: through a year they reflect sky and sun as if they were matt"
             )
+        if (remark := coarse_elements(even, run.budget.size)) is not None:
+            stages.warnings.append(remark)
         # In a cavity of its own nothing hides anything from anything, but its wall the sky.
         sky = OpenSky(even, solver.blockers, trace=solver.trace or solver.in_cavity)
         return cls(even, run, solver, solved, sky, stages)
@@ -338,6 +343,27 @@ def even_scene(scene: SceneData) -> SceneData:
         luminaires=(),
         luminaire_index=np.full_like(scene.luminaire_index, -1),
         daylight_factors=None,
+    )
+
+
+def coarse_elements(scene: SceneData, size: float) -> str | None:
+    """What to say where elements of a ``size`` are coarse for what the sensors lie in. [m]
+
+    An even sky cuts no elements along the patches of the sun, and elements are as large as the
+    whole scene has them, which may be its terrain.
+    """
+    low, high = scene.patches.bounds()
+    around = float((high - low).min())
+    for grid in scene.sensors:
+        around = max(around, ROOM * float(np.ptp(grid.points, axis=0).max()))
+    if size <= COARSE * around:
+        return None
+    x, y, z = high - low
+    return (
+        f"elements are up to {size:.2g} m long, as the whole scene is {x:.3g} x {y:.3g} x {z:.3g} "
+        "m: coarse for what the sensors lie in, where light of the sun that is reflected may be "
+        "told some 15 % too low through a year; leave out terrain that is not needed, or ask for a "
+        "smaller accuracy"
     )
 
 

@@ -14,7 +14,8 @@ from patchlight.pipeline import (
     SensorGrid,
     simulate,
 )
-from patchlight.solver.daylit import DaylitScene
+from patchlight.solver.budget import Budget
+from patchlight.solver.daylit import DaylitScene, coarse_elements
 from patchlight.solver.dome_grid import dome_grid
 from patchlight.solver.errors import InputError
 from patchlight.solver.model.arrays import frozen
@@ -391,3 +392,14 @@ def test_what_is_not_known():
     scene.grids.clear()
     with pytest.raises(InputError, match="no sensors"):
         DaylitScene.of(scene.freeze())
+
+
+@pytest.mark.parametrize("accuracy", [0.3, 0.02])
+def test_elements_that_are_coarse_for_a_room_are_told(accuracy):
+    """Those of a lawn are as large as its window wall is wide."""
+    told = [
+        coarse_elements(data, Budget.of(data, accuracy).size)
+        for data in (room(terrain=lawn).freeze() for lawn in (False, True))
+    ]
+    assert told[0] is None
+    assert "43 x 24 x 3.2 m" in told[1] and "sun" in told[1]
