@@ -342,5 +342,6 @@ def test_no_decomposition_has_less_than_the_least_patches():
         faces = convert_faces(raws, 1e-4, 1.0, 8.0)
         pairs += trimmed([(raws, 1e-4)], [faces])["plane"]
     assert len(pairs) == 8
-    assert all(patches >= least for patches, least in pairs)
-    assert sum(patches == least for patches, least in pairs) >= 6
+    assert all(patches >= least for patches, least, _ in pairs)
+    assert sum(patches == least for patches, least, _ in pairs) >= 6
+    assert sorted(holes for _, _, holes in pairs) == [0, 0, 1, 1, 1, 1, 3, 3]
