@@ -24,7 +24,6 @@ from patchlight.solver.model import (
     PatchSet,
     PatchSky,
     PerezSky,
-    Photometry,
     SceneData,
     Sensors,
     Site,
@@ -40,7 +39,7 @@ from .grids import SensorGrid
 from .patch_models import model_of_patches
 from .requirements import Requirement
 from .states import State, make_state
-from .webs import with_web
+from .webs import Known, with_web
 
 COLORS = ("pictures", "reflectance")
 
@@ -168,7 +167,8 @@ class Scene:
         self.requirements: list[Requirement] = []
         self.states: dict[str, State] = {}
         self.notes: list[str] = []
-        self._webs: dict[tuple[str, str], Photometry] = {}
+        #: Photometric files that were read.
+        self.webs: Known = {}
         self._sky: Sky | None = None
         self._sun: Sun | None = None
         self._ground: Ground | None = None
@@ -364,7 +364,7 @@ class Scene:
                 f'assign {pattern!r}: faces = {faces!r}: expected a selector such as "up" or "#3"'
             )
         if isinstance(what, Emitter):
-            what = with_web(what, self._webs)
+            what = with_web(what, self.webs)
         assignment = Assignment(pattern, what, faces, layer, color, frozenset(self.entries))
         count = sum(len(match.rows) for match in matched_faces(self.entries, assignment))
         self._declare_air(assignment)

@@ -19,6 +19,7 @@ from .output import file_hash
 from .problems import Problems
 from .requirements import unknown_grid
 from .scene import Entry, Scene
+from .webs import with_web
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -275,7 +276,7 @@ def _light(file: SceneFile, path: Path) -> FileLight:
 
 def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
     """Read the models of a checked scene file and apply it; ``path`` is the scene file."""
-    from patchlight.importers import read_photometry, read_step
+    from patchlight.importers import read_step
 
     scene = Scene(
         north_deg=file.site.north_deg,
@@ -311,17 +312,14 @@ def build_scene(file: SceneFile, path: Path, *, cache: bool = True) -> Scene:
 
         problems.add(part_problems(file.model_dump(mode="json"), path.parent))
     problems.raise_any()
-    webs: dict[Path, Photometry] = {}
     for k, assign in enumerate(file.assign):
         for what in assign.build():
             if isinstance(what, Emitter) and isinstance(what.photometry, str):
-                photometric = path.parent / what.photometry
+                what = dataclasses.replace(what, photometry=path.parent / what.photometry)
                 with problems.under(f"assign[{k}].emitter.photometry"):
-                    if photometric not in webs:
-                        webs[photometric] = read_photometry(photometric)
-                if photometric not in webs:
+                    what = with_web(what, scene.webs)
+                if not isinstance(what.photometry, Photometry):
                     continue
-                what = dataclasses.replace(what, photometry=webs[photometric])
             with problems.under(f"assign[{k}]"):
                 scene.assign(
                     assign.parts,

@@ -25,8 +25,13 @@ TELL, REFUSE = 1e-3, 0.1
 _ALONG = 0.02
 
 
-def with_web(emitter: Emitter, known: dict[tuple[str, str], Photometry]) -> Emitter:
-    """The emitter with its photometric file read; equal webs of ``known`` are the same object.
+Known = dict[tuple[Path, int, int], Photometry]
+
+
+def with_web(emitter: Emitter, known: Known) -> Emitter:
+    """The emitter with its photometric file read; what is ``known`` is not read again.
+
+    Files are known by path, time and size, so that one that was written anew is.
 
     Raises
     ------
@@ -37,8 +42,15 @@ def with_web(emitter: Emitter, known: dict[tuple[str, str], Photometry]) -> Emit
         return emitter
     from patchlight.importers import read_photometry
 
-    read = read_photometry(emitter.photometry)
-    return replace(emitter, photometry=known.setdefault((read.source, read.sha256), read))
+    path = Path(emitter.photometry)
+    try:
+        stat = path.stat()
+    except OSError:
+        return replace(emitter, photometry=read_photometry(path))  # which says what is wrong
+    key = path, stat.st_mtime_ns, stat.st_size
+    if key not in known:
+        known[key] = read_photometry(path)
+    return replace(emitter, photometry=known[key])
 
 
 class Webs:

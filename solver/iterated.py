@@ -212,7 +212,7 @@ def finer_light(
         kept=kept,
         change=change,
         moved=moved,
-        spread=np.sqrt(np.maximum(fine.mean(altered**2) - moved**2, 0.0)),
+        spread=fine.spread(altered),
         shift=np.abs(fine.mean(luminous(shift))),
         residual=_residual(altered, fine, lift, chosen) * weights[:, None],
         halved=chosen,
@@ -260,8 +260,7 @@ def _chosen(
     worth = np.zeros(len(weights))
     for values, matter in ((sent, weights), (arriving, ABSORBED)):
         level = unknowns.mean(values)
-        spread = np.sqrt(np.maximum(unknowns.mean(values**2) - level**2, 0.0))
-        worth += (spread + LEAST * level) * surfaces.areas * matter
+        worth += (unknowns.spread(values) + LEAST * level) * surfaces.areas * matter
     whole = ~unknowns.can_halve(surfaces.elements)
     whole[len(field.sources.nets) :] = True  # panes
     if field.system.scattering is not None:

@@ -291,7 +291,6 @@ class Simulation:
         return solver, kept
 
     def run(self) -> Result:
-        scene, stages = self.scene, self.stages
         solver, kept = self.start()
         solved = self.solved(solver, kept)
         kept.tell()
@@ -302,8 +301,9 @@ class Simulation:
         converged = self.judge(solved)
         self._keep_mesh(solver, kept, solved, converged=converged)
         on_elements = solved.error.of(light, doubt_on(field, finer)) + solved.kept.elements
-        return Result(
-            scene=scene,
+        return self._result(
+            solver,
+            converged=converged,
             elements=field.surfaces.elements,
             components=light.components,
             exitance=field.surfaces.emitted + finer.reflected,
@@ -312,12 +312,19 @@ class Simulation:
             images=images,
             balance=solved.balance,
             row_sums=field.row_sums,
+        )
+
+    def _result(self, solver: FieldSolver, **found: Any) -> Result:
+        """What was ``found``, with what the run did for it."""
+        stages = self.stages
+        return Result(
+            scene=self.scene,
             stages=stages.seconds,
             skipped=stages.skipped,
             counters=stages.counters,
             settings=self._settings(solver),
             warnings=tuple(stages.warnings),
-            converged=converged,
+            **found,
         )
 
     def _settings(self, solver: FieldSolver) -> dict[str, Any]:

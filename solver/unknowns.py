@@ -204,6 +204,10 @@ class Unknowns:
         sums = [self.sums(self._shares * column) for column in flat.T]
         return np.stack(sums, axis=1).reshape(self.elements, *values.shape[1:])
 
+    def spread(self, values: FloatArray) -> FloatArray:
+        """By how much ``values`` (N,) differ from their means over the elements: (n,), rms."""
+        return np.sqrt(np.maximum(self.mean(values**2) - self.mean(values) ** 2, 0.0))
+
     def of_whole(self, factors: MatrixArray, rows: IntArray) -> FloatArray:
         """Form factors (k, n) between elements, from some ``rows`` (k,), by those (N, N) of all."""
         share, out = self._shares, np.zeros((len(rows), self.elements))

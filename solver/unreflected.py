@@ -65,8 +65,9 @@ class UnreflectedSimulation(Simulation):
             {name: mean(values) for name, values in arriving.components.items()},
             np.sqrt(unknowns.mean_variance(arriving.deviation**2)),
         )
-        return Result(
-            scene=self.scene,
+        return self._result(
+            solver,
+            converged=converged,
             elements=elements,
             components=light.components,
             exitance=nothing,
@@ -75,12 +76,6 @@ class UnreflectedSimulation(Simulation):
             images={},
             balance=balance,
             row_sums=np.full(len(elements), np.nan),
-            stages=stages.seconds,
-            skipped=stages.skipped,
-            counters=stages.counters,
-            settings=self._settings(solver),
-            warnings=tuple(stages.warnings),
-            converged=converged,
         )
 
     def _gathered(self, light: Light) -> Gathered:
@@ -171,7 +166,5 @@ def _of_nodes(unknowns: Unknowns, arriving: Gathered, by_means: NDArray[np.bool_
     single = np.bincount(of, minlength=unknowns.elements) == 1
     out = np.zeros(unknowns.elements)
     for lux, share in ((smooth, OF_NODES), (np.where(crossed[of], 0.0, sun), OF_SUN)):
-        mean = unknowns.mean(lux)
-        spread = np.sqrt(np.maximum(unknowns.mean(lux**2) - mean**2, 0.0))
-        out += share * np.where(single, LEAST * mean, spread)
+        out += share * np.where(single, LEAST * unknowns.mean(lux), unknowns.spread(lux))
     return out
